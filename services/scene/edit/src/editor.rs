@@ -248,6 +248,8 @@ impl Editor {
                 |m: super::state::StateMismatch| EditError::Malformed { field: "history", reason: m.to_string() };
             next.apply_change(value.clone()).map_err(mismatch)?;
         }
+        // Commands that only changed the focus have no entry, so a later entry may not clear what an earlier one sets.
+        next.prune_focus();
         Ok(next)
     }
 }

@@ -377,6 +377,12 @@ impl EditState {
         Ok(())
     }
 
+    /// Removes names of deleted units from the focus.
+    pub(crate) fn prune_focus(&mut self) {
+        let focus = std::mem::take(&mut self.focus);
+        self.focus = focus.into_iter().filter(|name| self.names().any(|(n, _)| n == name)).collect();
+    }
+
     /// The values of `after` that differ. [`Self::apply_change`] of each turns this state into `after`.
     pub(crate) fn changes_to(&self, after: &Self) -> Vec<Change> {
         let mut changes = Vec::new();

@@ -46,8 +46,7 @@ impl Transaction<'_> {
     /// Removes neutral derived units, and names of deleted units from the focus.
     pub(super) fn prune(&mut self) {
         self.state.units.retain(|_, unit| !unit.derived || !(unit.is_neutral() || unit.mask.is_none()));
-        let focus = std::mem::take(&mut self.state.focus);
-        self.state.focus = focus.into_iter().filter(|name| self.state.names().any(|(n, _)| n == name)).collect();
+        self.state.prune_focus();
     }
 }
 

@@ -460,6 +460,17 @@ fn there_are_only_so_many_units() {
 }
 
 #[test]
+fn redo_keeps_no_deleted_name_in_focus() {
+    let mut editor = editor();
+    // Making everything visible changes the focus alone, so undo and redo do not know of it.
+    run(&mut editor, [commit(|i| i == 0), color(selection(), RED), visible(everything(), true)]);
+    run(&mut editor, [Action::Reset(Reset {}), undo(1), undo(1), Action::Redo(Redo { steps: 1 })]);
+    assert_eq!(editor.state().focus(), ["selection 1"]);
+    run(&mut editor, [Action::Redo(Redo { steps: 1 })]);
+    assert_eq!((editor.state().focus(), editor.state().units().count()), ([].as_slice(), 0));
+}
+
+#[test]
 fn masks_that_no_reader_could_be_sent_are_refused() {
     let n = 9_000_000;
     let scene = Arc::new(sg_scene::model::Scene::compose(
