@@ -11,5 +11,6 @@ mod brush;
 mod drafts;
 mod parameter_drag;
 mod quality;
+mod recorded;
 #[cfg(feature = "xr")]
 mod sticks;

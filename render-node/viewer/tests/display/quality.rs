@@ -11,7 +11,7 @@ use sg_viewer::display::quality_control::{
 };
 
 /// Seconds of a frame of the display.
-const PERIOD: f64 = 1.0 / 90.0;
+pub(crate) const PERIOD: f64 = 1.0 / 90.0;
 
 /// Seconds within which the level must be the oracle's.
 pub(crate) const CONVERGES: f64 = 2.0;
