@@ -185,7 +185,7 @@ async fn draw(bus: Bus) {
         let points = SAC.map(|x| x + 0.05 * ((n % 40) as f64 / 20.0 - 1.0)).to_vec();
         let (mode, kind) = (StrokeMode::Walk.into(), StrokeKind::Foreground.into());
         let samples = Some(Stroke { mode, kind, radius: STROKE, points, pressure: Vec::new(), depth: None });
-        let request = SampleRequest { stroke: format!("bench-{}", n / 400), samples };
+        let request = SampleRequest { stroke: format!("bench-{}", n / 400), samples, ..SampleRequest::default() };
         // The measurement is not about the timeliness of answers.
         let _ = bus.ask(&keys::SELECTION_SAMPLE, &request, &Context::root()).await;
     }

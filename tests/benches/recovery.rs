@@ -190,7 +190,7 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
                 pressure: vec![],
                 depth: None,
             };
-            let request = StrokesRequest { strokes: vec![stroke], restart: true, steps: Vec::new() };
+            let request = StrokesRequest { strokes: vec![stroke], restart: true, ..StrokesRequest::default() };
             bus.ask(&keys::SELECTION_STROKES, &request, &soon()).await.map(drop)
         }
         role::RENDER_VIEW => bus.newest(&keys::VIEW_STATE, &soon()).await.map(drop),

@@ -175,7 +175,8 @@ async fn draw(stage: &Stage, mode: StrokeMode, number: u32, measured: &mut Measu
     let mut answered = Vec::with_capacity(SAMPLES);
     for sample in whole.chunks(3) {
         beat.tick().await;
-        let request = SampleRequest { stroke: name.clone(), samples: Some(stroke(sample.to_vec())) };
+        let request =
+            SampleRequest { stroke: name.clone(), samples: Some(stroke(sample.to_vec())), ..SampleRequest::default() };
         let sent = Instant::now();
         let reply = bus.ask(&keys::SELECTION_SAMPLE, &request, &context()).await.unwrap();
         answered.push((sent, Instant::now()));

@@ -149,7 +149,7 @@ async fn brush(bus: &Bus) -> u64 {
         pressure: Vec::new(),
         depth: None,
     };
-    let request = StrokesRequest { strokes: vec![stroke], restart: true, steps: Vec::new() };
+    let request = StrokesRequest { strokes: vec![stroke], restart: true, ..StrokesRequest::default() };
     let context = Context::root().deadline_in(Duration::from_secs(10));
     bus.ask(&keys::SELECTION_STROKES, &request, &context).await.unwrap().selected
 }

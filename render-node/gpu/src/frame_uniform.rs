@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sg_raster::foveation::Foveation;
 use sg_raster::render::Quality;
-use sg_raster::{Limits, NEAR};
+use sg_raster::{DILATION, Limits, NEAR};
 use sg_scene::camera::Camera;
 
 use crate::appearance_buffers::AppearanceBuffers;
@@ -65,6 +65,7 @@ pub(super) fn frame_uniform(
     let middle = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len() as f64 - scene.origin;
     let shared = settings.shared_shading && cameras.len() > 1;
     let state = &appearance.state;
+    let (dilation, kept_dilation) = cameras.first().map_or((DILATION, 1.0), sg_raster::dilation);
     Frame {
         views,
         shading_eye: middle.as_vec3(),
@@ -80,6 +81,8 @@ pub(super) fn frame_uniform(
         least_transmittance: stop,
         near_plane: NEAR as f32,
         near: cameras.first().map_or(0.0, |c| c.near) as f32,
+        dilation: dilation as f32,
+        kept_dilation: kept_dilation as f32,
         size: size.into(),
         tiles: tile_count(size, settings.sort_window().is_some()).into(),
         capacity: work.capacity as u32,

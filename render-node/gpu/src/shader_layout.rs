@@ -164,6 +164,10 @@ shared_structs! {
         near_plane: f32,
         /// Distance from the eye within which Gaussians fade.
         near: f32,
+        /// Variance of the dilation on the optical axis, px².
+        dilation: f32,
+        /// Share of it whose area the opacity keeps: 1, and less in a preview.
+        kept_dilation: f32,
         /// Width and height of the picture.
         size: UVec2,
         /// Tiles across and down.

@@ -164,3 +164,42 @@ fn playbot_stands_upright() {
     let eye = image.pixel(132, 83).unwrap();
     assert!(eye[2] > 0.3 && eye[2] > 5.0 * eye[0], "a blue eye: {eye:?}");
 }
+
+/// A moving window draws fewer pixels. They show the means of the picture at rest over their areas: at least 30 dB on the footprint
+/// from a quarter of the edge on, at least 27 dB below. Pictures of fewer pixels that are no previews have down to 14 dB.
+#[test]
+fn a_preview_shows_the_means_of_the_picture_at_rest() {
+    let Some(data) = data() else { return };
+    let gpu = device();
+    for name in ["donut_fused.ply", "biker.compressed.ply", "playbot_lod3_31000.ply.zst"] {
+        let scene = scene(&data.join("splats").join(name));
+        let mut device = gpu.as_ref().map(|gpu| Renderer::new(gpu, &scene).unwrap());
+        let camera = framing::default_camera(&scene, 1032, 1104);
+        for opacity in [1.0, 0.2] {
+            let mut appearance = Appearance::of(&scene);
+            appearance.background = Vec3::ONE;
+            appearance.base.iter_mut().for_each(|base| base.opacity = opacity);
+            let still = render(&scene, &appearance, &camera, Quality::Standard).unwrap().image;
+            for scale in [0.75, 0.5, 0.35, 0.25, 0.18] {
+                let small = camera_motion::preview(&camera, scale);
+                let means = still.averaged(small.width, small.height);
+                let fast = Options { quality: Quality::Fast, ..Options::default() };
+                let db = |camera: &Camera| {
+                    let image = render(&scene, &appearance, camera, fast).unwrap().image;
+                    Difference::between(&image, &means).unwrap().footprint_psnr_db
+                };
+                let (preview, plain) = (db(&small), db(&camera_motion::scaled(&camera, scale)));
+                let least = if scale < 0.25 { 27.0 } else { 30.0 };
+                assert!(preview > least, "{name}, opacity {opacity}, edge {scale}: {preview:.1} dB");
+                println!("{name}, opacity {opacity}, edge {scale}: {preview:.1} dB, plain {plain:.1} dB");
+                if let Some(device) = &mut device {
+                    let settings = Settings { quality: Quality::Fast, ..Settings::default() };
+                    let cameras = std::slice::from_ref(&small);
+                    let (images, _) = device.picture(cameras, &appearance, settings).unwrap();
+                    let of_device = Difference::between(&images[0], &means).unwrap().footprint_psnr_db;
+                    assert!((of_device - preview).abs() < 0.5, "{name}, {scale}: {of_device:.1}, {preview:.1} dB");
+                }
+            }
+        }
+    }
+}

@@ -48,7 +48,7 @@ pub(crate) fn footprints<T: Send>(
         let order = order(placed.center, pinhole.near);
         let footprint = match perspective(placed.center, size_of(&placed.rows), pinhole.near) {
             None => {
-                let dilation = Dilation::at(dilation_slope(placed.center, slopes, pinhole.near));
+                let dilation = Dilation::at(pinhole.dilation, dilation_slope(placed.center, slopes, pinhole.near));
                 let (ellipse, opacity) = project(&placed, pinhole.focal, pinhole.principal, dilation)?;
                 Footprint { shape: Shape::Ellipse(ellipse), order, color: placed.look.color, opacity }
             }

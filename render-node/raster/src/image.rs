@@ -61,6 +61,37 @@ impl ImageFormat {
 }
 
 impl Image {
+    /// A smaller picture: each pixel is the mean over its area. Sums are in f64.
+    #[must_use]
+    pub fn averaged(&self, width: u32, height: u32) -> Self {
+        let spans = |from: u32, to: u32| {
+            let step = f64::from(from) / f64::from(to.max(1));
+            (0..to).map(move |k| (f64::from(k) * step, (f64::from(k) + 1.0) * step)).collect::<Vec<_>>()
+        };
+        // The pixels that a span meets, and the length of each within it.
+        let parts = |(low, high): (f64, f64), most: u32| {
+            (low.floor() as u32..(high.ceil() as u32).min(most))
+                .map(move |k| (k as usize, high.min(f64::from(k) + 1.0) - low.max(f64::from(k))))
+        };
+        let columns = spans(self.width, width);
+        let mut rgba = Vec::with_capacity(4 * width as usize * height as usize);
+        for row in spans(self.height, height) {
+            for column in &columns {
+                let (mut sum, mut area) = ([0.0; 4], 0.0);
+                for (y, tall) in parts(row, self.height) {
+                    for (x, wide) in parts(*column, self.width) {
+                        let at = 4 * (y * self.width as usize + x);
+                        let pixel = self.rgba.get(at..at + 4).unwrap_or(&[0.0; 4]);
+                        sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += tall * wide * f64::from(*value));
+                        area += tall * wide;
+                    }
+                }
+                rgba.extend(sum.map(|sum| (sum / area) as f32));
+            }
+        }
+        Self { width, height, rgba }
+    }
+
     /// The pixel at column `x` and row `y`; `None` outside.
     #[must_use]
     pub fn pixel(&self, x: u32, y: u32) -> Option<[f32; 4]> {

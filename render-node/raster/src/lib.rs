@@ -51,5 +51,5 @@ pub mod structure;
 mod tiles;
 
 pub use cutoffs::Limits;
-pub use project::{DILATION, NEAR};
+pub use project::{DILATION, NEAR, dilation};
 pub use tiles::TILE;

@@ -17,6 +17,19 @@ use crate::shading::{Look, UnitShader};
 /// Variance in px² that is added to each picture axis, so that nothing is thinner than a pixel (3DGS).
 pub const DILATION: f64 = 0.3;
 
+/// The dilation of a camera's picture in px², and the share of it whose area the opacity keeps.
+///
+/// A preview of s times the edge shows the means of blocks of 1/s² pixels. In its pixels their dilation is s²·[`DILATION`], and
+/// the mean over a block adds (1 − s²)/12: the variance of 1/s even places along a pixel. The first part alone stays in the
+/// opacity, since a mean adds no light.
+#[must_use]
+pub fn dilation(camera: &Camera) -> (f64, f64) {
+    let share = camera.preview_scale.powi(2);
+    let kept = DILATION * share;
+    let variance = kept + (1.0 - share) / 12.0;
+    (variance, kept / variance)
+}
+
 /// Centres at this view depth or nearer are not drawn, in the scene's length unit.
 pub const NEAR: f64 = 1e-6;
 
@@ -75,8 +88,8 @@ pub(crate) struct Placed {
     pub(crate) rows: [DVec3; 3],
     /// Colour, and opacity without any compensation of the dilation.
     pub(crate) look: Look,
-    /// Whether the dilation takes as much opacity as it adds area.
-    pub(crate) compensated: bool,
+    /// Share of the dilation whose area the opacity keeps, see [`compensation`].
+    pub(crate) kept: f64,
 }
 
 /// A covariance that is added on the picture: `variance`·(I + `slope`·`slope`ᵀ).
@@ -92,9 +105,14 @@ impl Dilation {
         Self { variance, slope: DVec2::ZERO }
     }
 
-    /// [`DILATION`] as an angle, seen at a slope.
-    pub(crate) fn at(slope: DVec2) -> Self {
-        Self { variance: DILATION * (1.0 + slope.length_squared()), slope }
+    /// A variance on the optical axis as an angle, seen at a slope.
+    pub(crate) fn at(variance: f64, slope: DVec2) -> Self {
+        Self { variance: variance * (1.0 + slope.length_squared()), slope }
+    }
+
+    /// This share of it.
+    fn share(self, share: f64) -> Self {
+        Self { variance: share * self.variance, ..self }
     }
 
     /// The determinant of m·mᵀ and this: |m₀ × m₁|² + ε(|m₀|² + |m₁|² + |s₀m₁ − s₁m₀|²) + ε²(1 + |s|²), with s the slope.
@@ -108,11 +126,14 @@ impl Dilation {
     }
 }
 
-/// √(det S / det(S + D)) for S = m·mᵀ and the dilation D: the factor on the opacity by which the dilation adds none in sum. It is
-/// the 2D filter of Mip-Splatting (Yu et al. 2024).
-pub(crate) fn compensation(m: [DVec3; 2], dilation: Dilation) -> f64 {
+/// √(det(S + k·D) / det(S + D)) for S = m·mᵀ, the dilation D and the share `kept` of it: the factor on the opacity by which a
+/// Gaussian has the area times opacity that a dilation of k·D gives it.
+///
+/// With 1 it is that of 3DGS: 1. With 0 the dilation adds none in sum: the 2D filter of Mip-Splatting (Yu et al. 2024). A preview
+/// keeps the dilation of the picture that it stands for ([`dilation`]).
+pub(crate) fn compensation(m: [DVec3; 2], dilation: Dilation, kept: f64) -> f64 {
     let dilated = dilation.determinant(m);
-    if dilated.is_finite() { (m[0].cross(m[1]).length_squared() / dilated).sqrt() } else { 1.0 }
+    if kept < 1.0 && dilated.is_finite() { (dilation.share(kept).determinant(m) / dilated).sqrt() } else { 1.0 }
 }
 
 /// The ellipse and the opacity of a Gaussian in the affine projection, for a camera of these focal lengths and this principal
@@ -123,7 +144,7 @@ pub(crate) fn project(
     principal: DVec2,
     dilation: Dilation,
 ) -> Result<(Ellipse, f64), Culled> {
-    let Placed { center, rows: [x, y, z], look, compensated } = *placed;
+    let Placed { center, rows: [x, y, z], look, kept } = *placed;
     if center.z <= NEAR {
         return Err(Culled::Near);
     }
@@ -132,7 +153,7 @@ pub(crate) fn project(
     // Rows of the Jacobian times those.
     let m = [pixels.x * (x - slope.x * z), pixels.y * (y - slope.y * z)];
     let ellipse = Ellipse::of(focal * slope + principal, m, dilation).ok_or(Culled::NotFinite)?;
-    let opacity = if compensated { look.opacity * compensation(m, dilation) } else { look.opacity };
+    let opacity = look.opacity * compensation(m, dilation, kept);
     if opacity == 0.0 {
         return Err(Culled::Transparent);
     }
@@ -215,7 +236,7 @@ struct UnitProjector<'a> {
     eye: DVec3,
     scene_to_view: DMat3,
     local_to_view: DMat3,
-    compensated: bool,
+    kept: f64,
 }
 
 impl<'a> UnitProjector<'a> {
@@ -227,10 +248,10 @@ impl<'a> UnitProjector<'a> {
             eye,
             scene_to_view,
             local_to_view: scene_to_view * DMat3::from_mat4(unit.transform),
-            compensated: match appearance.filter {
-                PixelFilter::FromFile => unit.gaussians.antialiased,
-                PixelFilter::Plain => false,
-                PixelFilter::Compensated => true,
+            kept: match appearance.filter {
+                PixelFilter::FromFile if unit.gaussians.antialiased => 0.0,
+                PixelFilter::Compensated => 0.0,
+                PixelFilter::FromFile | PixelFilter::Plain => dilation(camera).1,
             },
         }
     }
@@ -259,7 +280,7 @@ impl<'a> UnitProjector<'a> {
         let axes = DMat3::from_quat(gaussians.unit_rotation(i));
         let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
         let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * axes).transpose();
-        Ok(Placed { center, rows: [x_axis, y_axis, z_axis], look, compensated: self.compensated })
+        Ok(Placed { center, rows: [x_axis, y_axis, z_axis], look, kept: self.kept })
     }
 }
 
@@ -275,7 +296,7 @@ mod tests {
             s in proptest::array::uniform2(-2.0..2.0_f64),
         ) {
             let rows = [DVec3::new(m[0], m[1], m[2]), DVec3::new(m[3], m[4], m[5])];
-            let e = Ellipse::of(DVec2::ZERO, rows, Dilation::at(DVec2::from_array(s))).unwrap();
+            let e = Ellipse::of(DVec2::ZERO, rows, Dilation::at(DILATION, DVec2::from_array(s))).unwrap();
             // 0.3 px² at the axis; elsewhere the same angle by the projection's Jacobian.
             let grown = 0.3 * (1.0 + s[0] * s[0] + s[1] * s[1]);
             let a = rows[0].length_squared() + grown * (1.0 + s[0] * s[0]);
@@ -293,7 +314,7 @@ mod tests {
     fn a_needle_keeps_its_thickness() {
         // 1e9 px long at 45°, no width: the textbook determinant a·c − b² loses it entirely.
         let row = DVec3::new(1e9, 0.0, 0.0);
-        let e = Ellipse::of(DVec2::ZERO, [row, row], Dilation::at(DVec2::ZERO)).unwrap();
+        let e = Ellipse::of(DVec2::ZERO, [row, row], Dilation::at(DILATION, DVec2::ZERO)).unwrap();
         let (a, c) = (1e18 + 0.3, 1e18 + 0.3);
         assert_eq!(a * c - 1e18 * 1e18, 0.0);
         // Across the diagonal the variance is the dilation: ρ²·sin²45° = 0.3.
@@ -302,7 +323,12 @@ mod tests {
 
     #[test]
     fn what_overflows_is_refused() {
-        assert!(Ellipse::of(DVec2::ZERO, [DVec3::splat(1e200), DVec3::X], Dilation::at(DVec2::ZERO)).is_none());
-        assert!(Ellipse::of(DVec2::new(f64::INFINITY, 0.0), [DVec3::Y, DVec3::X], Dilation::at(DVec2::ZERO)).is_none());
+        assert!(
+            Ellipse::of(DVec2::ZERO, [DVec3::splat(1e200), DVec3::X], Dilation::at(DILATION, DVec2::ZERO)).is_none()
+        );
+        assert!(
+            Ellipse::of(DVec2::new(f64::INFINITY, 0.0), [DVec3::Y, DVec3::X], Dilation::at(DILATION, DVec2::ZERO))
+                .is_none()
+        );
     }
 }

@@ -29,7 +29,7 @@ use sg_scene::model::Scene;
 
 use crate::foveation::BLOCK;
 use crate::nearness::{NEAR_BLUR, is_faded, may_fade, share_beyond, size_of};
-use crate::project::{DILATION, Dilation, Ellipse, Placed, compensation, place};
+use crate::project::{Dilation, Ellipse, Placed, compensation, dilation, place};
 use crate::report::{Culled, Report};
 use crate::tiles::picture_size;
 
@@ -119,18 +119,22 @@ pub(crate) struct Pinhole {
     pub(crate) size: DVec2,
     /// The near distance.
     pub(crate) near: f64,
+    /// Variance of the dilation on the optical axis, px².
+    pub(crate) dilation: f64,
     /// Variance that the dilation adds at unit distance.
     spread: f64,
 }
 
 impl Pinhole {
     pub(crate) fn of(camera: &Camera) -> Self {
+        let (dilation, _) = dilation(camera);
         Self {
             near: camera.near,
             focal: DVec2::new(camera.fx, camera.fy),
             principal: DVec2::new(camera.cx, camera.cy),
             size: picture_size(camera.width, camera.height),
-            spread: DILATION / (camera.fx * camera.fy).abs(),
+            dilation,
+            spread: dilation / (camera.fx * camera.fy).abs(),
         }
     }
 
@@ -199,7 +203,7 @@ impl RaySplat {
     /// `perspective` between 0 and 1 is the share of the perspective within the Gaussian. With 1 the meetings are exact. With 0
     /// they are those of the affine projection, but for the dilation. Below 1 the center must lie in front of the eye.
     pub(crate) fn of(index: u32, placed: &Placed, pinhole: &Pinhole, perspective: f64) -> Result<Self, Culled> {
-        let Placed { center, rows, look, compensated } = *placed;
+        let Placed { center, rows, look, kept } = *placed;
         // A center in the eye has no pixel size: any dilation that keeps L regular works.
         let dilation = (pinhole.spread * center.length_squared()).max(f64::MIN_POSITIVE.sqrt());
         let (distance, size) = (center.length(), size_of(&rows).hypot(dilation.sqrt()));
@@ -223,10 +227,10 @@ impl RaySplat {
         // In components across u, û × w.
         let crossed = rays.map(|w| toward.cross(w));
         let over = Linear { per_x: 0.0, ..Linear::along(second, crossed) };
-        let opacity = if compensated {
+        let opacity = if kept < 1.0 {
             let (e, f) = center.try_normalize().unwrap_or(DVec3::Z).any_orthonormal_pair();
             let seen = |axis: DVec3| rows[0] * axis.x + rows[1] * axis.y + rows[2] * axis.z;
-            look.opacity * compensation([seen(e), seen(f)], Dilation::round(dilation))
+            look.opacity * compensation([seen(e), seen(f)], Dilation::round(dilation), kept)
         } else {
             look.opacity
         };

@@ -8,8 +8,8 @@
 //!   than that times their brightness.
 //!
 //! Depth keys are full f32. Positions are relative to the tile before they become f32. The ellipse is evaluated in
-//! Cholesky form ([`Ellipse`]). Within a tile |u| and |v| grow by at most 60 because of the dilation. The error of
-//! the exponent in f32 is therefore 1e-5, for any length and distance.
+//! Cholesky form ([`Ellipse`]). Within a tile |u| and |v| grow by at most 60 because of the dilation, in
+//! previews by 110. The error of the exponent in f32 is therefore 1e-5, or 2e-5, for any length and distance.
 
 use std::time::Instant;
 

@@ -9,8 +9,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    ChangesRequest, Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, Stroke, StrokeKind, StrokeMode,
-    Undo, WalkTuning,
+    ChangesRequest, Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, SetVisibility, Stroke,
+    StrokeKind, StrokeMode, Undo, WalkTuning,
 };
 use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
 
@@ -37,7 +37,7 @@ fn stroke(mode: StrokeMode) -> Stroke {
 }
 
 fn strokes(mode: StrokeMode, restart: bool) -> StrokesRequest {
-    StrokesRequest { strokes: vec![stroke(mode)], restart, steps: Vec::new() }
+    StrokesRequest { strokes: vec![stroke(mode)], restart, ..StrokesRequest::default() }
 }
 
 fn question(_id: &str) -> Question {
@@ -57,6 +57,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("tells what strokes select when they end", told(stage).await);
     checks.note("tries another leak and threshold after a walk", tunes(stage).await);
     checks.note("says where a next stroke would tell most", proposes(stage).await);
+    checks.note("leaves out what is hidden", hidden(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
     checks.note("goes on where it was after kill -9", goes_on(stage).await);
 }
@@ -104,7 +105,8 @@ async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {
     let near = InSphere { centre: SAC.to_vec(), radius: STROKE };
     let sphere = draw(stage, &taken(vec![Operation::Sphere(near.clone())], true)).await?;
     let point = Stroke { points: SAC.to_vec(), ..stroke(StrokeMode::Point) };
-    let tube = draw(stage, &StrokesRequest { strokes: vec![point], restart: true, steps: Vec::new() }).await?;
+    let tube =
+        draw(stage, &StrokesRequest { strokes: vec![point], restart: true, ..StrokesRequest::default() }).await?;
     hold(sphere.selected == tube.selected && sphere.selected > 0, || {
         format!("{} in a sphere, {} under a brush of one sample there", sphere.selected, tube.selected)
     })?;
@@ -128,6 +130,43 @@ async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {
     })
 }
 
+/// Selections leave out hidden Gaussians, but for those selected before and those of a request that includes them.
+async fn hidden(stage: &mut Stage<'_>) -> Result<(), String> {
+    let seen = |visible| Action::SetVisibility(SetVisibility { target: named("sac"), visible });
+    for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
+        let shown = draw(stage, &strokes(mode, true)).await?;
+        stage.change(seen(false)).await?;
+        let kept = draw(stage, &strokes(mode, false)).await?;
+        hold(kept.selected == shown.selected, || {
+            format!(
+                "{mode:?}: {} selected, {} after a stroke over what was hidden since",
+                shown.selected, kept.selected
+            )
+        })?;
+        let none = draw(stage, &strokes(mode, true)).await?;
+        let (name, samples) = (stage.new_id(), Some(stroke(mode)));
+        let preview = SampleRequest { stroke: name, samples, ..SampleRequest::default() };
+        let preview = stage.cli.ask(&keys::SELECTION_SAMPLE, &preview, &soon()).await;
+        let preview = preview.map_err(|f| format!("cmd/sample: {f}"))?;
+        let selected = selected(stage).await?;
+        let of_sac = selected.iter().skip(GAUSSIANS).filter(|s| **s).count();
+        hold(of_sac == 0, || format!("{mode:?}: {of_sac} hidden Gaussians of {} selected", none.selected))?;
+        hold(preview.selected == none.selected, || {
+            format!("{mode:?}: {} selected, {} in the preview of another stroke", none.selected, preview.selected)
+        })?;
+        let all = draw(stage, &StrokesRequest { include_hidden: true, ..strokes(mode, true) }).await?;
+        hold(all.selected == shown.selected, || {
+            format!("{mode:?}: {} selected with what is hidden, {} while it was shown", all.selected, shown.selected)
+        })?;
+        stage.change(seen(true)).await?;
+    }
+    let inverted = taken(vec![Operation::Invert(Invert {})], true);
+    stage.change(seen(false)).await?;
+    let body = draw(stage, &inverted).await?;
+    stage.change(seen(true)).await?;
+    hold(body.selected == GAUSSIANS as u64, || format!("{} selected by inverting nothing", body.selected))
+}
+
 /// Steps that are operations.
 fn taken(operations: Vec<Operation>, restart: bool) -> StrokesRequest {
     let step = |operation| SelectionStep {
@@ -145,7 +184,7 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
         let mut newest = 0;
         for sample in whole.points.chunks(3) {
             let samples = Some(Stroke { points: sample.to_vec(), ..whole.clone() });
-            let request = SampleRequest { stroke: name.clone(), samples };
+            let request = SampleRequest { stroke: name.clone(), samples, ..SampleRequest::default() };
             let reply = stage.cli.ask(&keys::SELECTION_SAMPLE, &request, &soon()).await;
             let reply = reply.map_err(|f| format!("cmd/sample: {f}"))?;
             if reply.relative_to_committed {

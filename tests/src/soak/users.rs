@@ -209,8 +209,8 @@ impl Users {
             SelectionStep { step: Some(Step::Operation(operation)) }
         });
         // Strokes of one selection do not grow without end: people begin another one.
-        let request =
-            StrokesRequest { strokes: vec![stroke], restart: rng.random_bool(0.4), steps: steps.into_iter().collect() };
+        let (restart, steps) = (rng.random_bool(0.4), steps.into_iter().collect());
+        let request = StrokesRequest { strokes: vec![stroke], restart, steps, ..StrokesRequest::default() };
         self.bus.ask(&keys::SELECTION_STROKES, &request, &soon()).await.map(drop)
     }
 

@@ -213,7 +213,7 @@ fn in_scene(unit: Unit, v: vec3<f32>) -> vec3<f32> {
 }
 
 // The ellipse that the affine projection makes of a Gaussian (Zwicker et al. 2002), for axes of which the longest is `longest`.
-fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool, share: f32) -> Seen {
+fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: f32, opacity: f32, kept: f32, share: f32) -> Seen {
     let slope = at.xy / at.z;
     let pixels = view.focal / at.z;
     // In units of `size` pixels, so that all below is of order one.
@@ -227,12 +227,13 @@ fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: 
     // As Dilation in project.rs.
     let s = dilation_slope(view, slope, vec2<f32>(frame.size), share);
     let grown = 1.0 + dot(s, s);
-    let dilation = DILATION * grown / (size * size);
+    let dilation = frame.dilation * grown / (size * size);
     let c = dot(m1, m1) + dilation * (1.0 + s.y * s.y);
     let root = sqrt(c);
     let across = cross(m0, m1) / root;
     let turned = s.x * m1 - s.y * m0;
-    let spread = dot(m0, m0) + dot(m1, m1) + dot(turned, turned) + dilation * grown;
+    let undilated = dot(m0, m0) + dot(m1, m1) + dot(turned, turned);
+    let spread = undilated + dilation * grown;
     let variance = dot(across, across) + dilation * spread / c;
     let ellipse_slope = (dot(m0, m1) + dilation * s.x * s.y) / c;
     let per_column = SCALE / (size * sqrt(variance));
@@ -240,9 +241,10 @@ fn seen_affinely(view: View, at: vec3<f32>, rows: array<vec3<f32>, 3>, longest: 
     let pixel = view.focal * slope + view.principal;
     var seen: Seen;
     seen.opacity = opacity;
-    if compensated {
+    if kept < 1.0 {
         let area = dot(across, across) * c;
-        seen.opacity *= sqrt(area / (area + dilation * spread));
+        let less = kept * dilation;
+        seen.opacity *= sqrt((area + less * (undilated + less * grown)) / (area + dilation * spread));
     }
     seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     seen.ellipse = Ellipse(pixel, ellipse_slope, per_column);
@@ -266,6 +268,7 @@ fn project_one(j: u32) {
     let center = centers[i];
     let shape = shapes[i];
     let unit = units[shape.unit];
+    let kept = select(frame.kept_dilation, 0.0, unit.compensated == 1u);
 
     var opacity = center.opacity * unit.opacity;
     var replaced = false;
@@ -322,9 +325,9 @@ fn project_one(j: u32) {
         let fades = may_fade(away, size, frame.near);
         if PER_RAY || fades || !(size < AFFINE_SIZE * at.z) {
             let part = select(clamp(size / (AFFINE_SIZE * at.z) - 1.0, 0.0, 1.0), 1.0, PER_RAY || fades || !(at.z > STEEP * away));
-            seen = seen_by_rays(view, at, rows, longest, opacity, unit.compensated == 1u, part);
+            seen = seen_by_rays(view, at, rows, longest, opacity, kept, part);
         } else {
-            seen = seen_affinely(view, at, rows, longest, opacity, unit.compensated == 1u, ray_share(away, frame.near));
+            seen = seen_affinely(view, at, rows, longest, opacity, kept, ray_share(away, frame.near));
         }
         var color = shared_color;
         if !shares {

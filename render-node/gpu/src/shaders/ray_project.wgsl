@@ -1,11 +1,9 @@
 // Coefficients of a Gaussian along the rays of a view: the f32 twin of ray_consistent.rs, in units of the center's
 // distance.
 //
-// The dilation is at least one pixel, so that |u| is at most focal / 0.55. f32 then leaves an error of some 1e-7 of
+// The dilation is at least 0.083 px² (0.3 px² but for previews), so that |u| is at most focal / 0.28. f32 then leaves an error of some 1e-7 of
 // that in d. Linear functions of the pixel, a, U and V, are stored at the pixel nearest to the ellipse's center. V does
 // not change along a row and lies in the level and the tint. The ellipse covers at least all drawn pixels.
-
-const DILATION: f32 = 0.3;
 
 struct Seen {
     ellipse: Ellipse,
@@ -32,11 +30,13 @@ fn length_of(v: vec3<f32>) -> f32 {
     return most * length(v / most);
 }
 
-// The share of the opacity that is left where the dilation takes as much as it adds area: compensation() of project.rs.
-fn compensation(m0: vec3<f32>, m1: vec3<f32>, dilation: f32) -> f32 {
+// The share of the opacity that is left where the opacity keeps the area of a share of the dilation: compensation() of project.rs.
+fn compensation(m0: vec3<f32>, m1: vec3<f32>, dilation: f32, kept: f32) -> f32 {
     let whole = cross(m0, m1);
     let area = dot(whole, whole);
-    return sqrt(area / (area + dilation * (dot(m0, m0) + dot(m1, m1) + dilation)));
+    let spread = dot(m0, m0) + dot(m1, m1);
+    let less = kept * dilation;
+    return sqrt((area + less * (spread + less)) / (area + dilation * (spread + dilation)));
 }
 
 // A unit vector across a unit vector.
@@ -108,7 +108,7 @@ fn edge_normal(view: View, k: u32) -> vec3<f32> {
 }
 
 // `perspective` is the share of the perspective within it: RaySplat::lessen in ray_consistent.rs.
-fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: f32, opacity: f32, compensated: bool, perspective: f32) -> Seen {
+fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: f32, opacity: f32, kept: f32, perspective: f32) -> Seen {
     var seen: Seen;
     seen.by_rays = true;
     let away = length_of(at);
@@ -117,19 +117,19 @@ fn seen_by_rays(view: View, at: vec3<f32>, given: array<vec3<f32>, 3>, longest: 
     let c = at / distance;
     let share = min(longest / distance, 1e15);
     let rows = array(share * given[0], share * given[1], share * given[2]);
-    let dilation = DILATION / abs(view.focal.x * view.focal.y);
+    let dilation = frame.dilation / abs(view.focal.x * view.focal.y);
     let root = sqrt(dilation);
     let size_here = length(vec2(size_of(given, longest), root * away));
     let fades = may_fade(away, size_here, frame.near);
 
     seen.opacity = opacity;
-    if compensated {
+    if kept < 1.0 {
         let axis = unit_or(c, vec3(0.0, 0.0, 1.0));
         let e = across_of(axis);
         let f = cross(axis, e);
         let m0 = rows[0] * e.x + rows[1] * e.y + rows[2] * e.z;
         let m1 = rows[0] * f.x + rows[1] * f.y + rows[2] * f.z;
-        seen.opacity *= compensation(m0, m1, dilation);
+        seen.opacity *= compensation(m0, m1, dilation, kept);
     }
     seen.range = log2(max(seen.opacity / frame.least_alpha, frame.alpha_ratio));
     let l = cholesky(rows, root);

@@ -83,6 +83,7 @@ pub(crate) fn camera(focal: f64, width: u32, height: u32) -> Camera {
         background: [0.0; 3],
         light: Light::default(),
         near: 0.0,
+        preview_scale: 1.0,
     }
 }
 

@@ -76,12 +76,18 @@ async fn scene(
 async fn history(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>>, writer: StateWriter) {
     loop {
         let revision = revisions.borrow_and_update().replica.state().revision();
-        if let Ok(told) = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await
-            && told.revision >= revision
-        {
-            writer.update(|state| (state.undo, state.redo) = (told.undo.into(), told.redo.into()));
+        let newest = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await;
+        let is_new = newest.as_ref().is_ok_and(|newest| newest.revision >= revision);
+        if let Some(newest) = newest.ok().filter(|_| is_new) {
+            writer.update(|state| (state.undo, state.redo) = (newest.undo.into(), newest.redo.into()));
         }
-        if revisions.changed().await.is_err() {
+        // Without an answer, or with an older one, the shown steps are stale until another answer comes.
+        let changed = if is_new {
+            revisions.changed().await
+        } else {
+            tokio::time::timeout(RETRY_AFTER, revisions.changed()).await.unwrap_or(Ok(()))
+        };
+        if changed.is_err() {
             return;
         }
     }

@@ -58,6 +58,7 @@ struct ActiveStroke {
     id: String,
     mode: BrushMode,
     sign: BrushSign,
+    include_hidden: bool,
     /// Fraction of the box's longest edge.
     radius: f64,
     pressed: bool,
@@ -129,6 +130,7 @@ impl BrushController {
             id: format!("{}-{}", self.name, self.strokes),
             mode: tools.mode,
             sign,
+            include_hidden: tools.include_hidden,
             radius: tools.radius,
             pressed: tools.pressure,
             open: OpenStroke::new(self.gaussians, self.radius(tools)).with_depth_limit(limit),
@@ -170,7 +172,11 @@ impl BrushController {
         }
         let from = std::mem::replace(&mut stroke.sent, samples);
         let samples = stroke.message(from);
-        Some(Request::Sample(SampleRequest { stroke: stroke.id.clone(), samples: Some(samples) }))
+        Some(Request::Sample(SampleRequest {
+            stroke: stroke.id.clone(),
+            samples: Some(samples),
+            include_hidden: stroke.include_hidden,
+        }))
     }
 
     /// The selection with the stroke under way, as far as this display knows. It is `selected` itself once the selection
@@ -189,7 +195,8 @@ impl BrushController {
     #[must_use]
     pub fn release(&mut self) -> Option<Request> {
         let stroke = self.active.take().filter(|s| !s.points.is_empty())?;
-        Some(Request::Select(StrokesRequest { strokes: vec![stroke.message(0)], ..StrokesRequest::default() }))
+        let (strokes, include_hidden) = (vec![stroke.message(0)], stroke.include_hidden);
+        Some(Request::Select(StrokesRequest { strokes, include_hidden, ..StrokesRequest::default() }))
     }
 
     /// Cancels the stroke as if it had not begun.

@@ -135,6 +135,8 @@ pub struct Tools {
     pub radius: f64,
     /// Whether strokes, lassos and rectangles over a surface have a depth limit behind it.
     pub front_only: bool,
+    /// Whether hidden Gaussians may become selected.
+    pub include_hidden: bool,
     /// That limit for a brush, as a share of its radius, 0 to 1.
     pub brush_depth: f64,
     /// That limit for lassos and rectangles, as a fraction of the longest edge of the scene's box.
@@ -201,7 +203,8 @@ impl Default for Tools {
         Self {
             mode: BrushMode::default(),
             radius: 0.02,
-            front_only: false,
+            front_only: true,
+            include_hidden: false,
             brush_depth: 0.3,
             lasso_depth: 0.05,
             walk_parameter: WalkParameter::default(),

@@ -96,6 +96,7 @@ impl Eye {
             background,
             light,
             near: NEAR / placement.scale,
+            preview_scale: 1.0,
         }
     }
 }

@@ -125,6 +125,7 @@ impl Panels {
         if (Number { name: "brush width", range, logarithmic: true, text: percent }).show(ui, &mut width) {
             tools.radius = (0.5 * width).clamp(least, most);
         }
+        ui.add(Checkbox::new(&mut tools.include_hidden, "hidden Gaussians too"));
         if self.host == PanelHost::Headset {
             ui.add(Checkbox::new(&mut tools.pressure, "pressure of the trigger narrows the brush"));
             return;

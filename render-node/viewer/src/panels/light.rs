@@ -115,7 +115,7 @@ impl Panels {
         let set = |rgb: Vec3| Action::SetBackground(SetBackground { color: Some(encode_color(rgb)) });
         ui.horizontal_wrapped(|ui| {
             ui.label("background");
-            if let Some(Picked::Color(rgb)) = color_button(ui, "background colour", Some(present), None) {
+            if let Some(Picked::Color(rgb)) = color_button(ui, "background colour", Some(present), None).picked {
                 self.hold(set(rgb));
             }
             for (name, rgb) in BACKGROUNDS {

@@ -50,6 +50,8 @@ pub struct Output {
     pub draft: Option<Draft>,
     /// Actions of the display itself.
     pub actions: Vec<DisplayAction>,
+    /// Whether the colour of a unit is being chosen. A highlight would change what a person sees of it.
+    pub is_choosing_color: bool,
 }
 
 impl Output {
@@ -71,5 +73,6 @@ impl Output {
         self.requests.extend(other.requests);
         self.draft = other.draft.or(self.draft.take());
         self.actions.extend(other.actions);
+        self.is_choosing_color |= other.is_choosing_color;
     }
 }

@@ -20,17 +20,26 @@ pub(super) enum Picked {
     Own,
 }
 
+/// State of a [`color_button`] in one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct ColorChoice {
+    /// The colour picked in this frame.
+    pub(super) picked: Option<Picked>,
+    /// Whether the choice is open.
+    pub(super) is_open: bool,
+}
+
 /// A swatch that opens the choice of a colour. `own` labels the option without a colour, if there is one.
-pub(super) fn color_button(ui: &mut Ui, name: &str, color: Option<Vec3>, own: Option<&str>) -> Option<Picked> {
+pub(super) fn color_button(ui: &mut Ui, name: &str, color: Option<Vec3>, own: Option<&str>) -> ColorChoice {
     let button = swatch(ui, name, color);
-    let mut picked = None;
+    let mut choice = ColorChoice::default();
     let popup = Popup::menu(&button).style(StyleModifier::default());
     popup.close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
         let room = ui.ctx().content_rect().width() - 3.0 * ui.spacing().interact_size.x;
         ui.set_width((300.0 * scale(ui)).min(room));
-        picked = choose(ui, button.id, color, own);
+        choice = ColorChoice { picked: choose(ui, button.id, color, own), is_open: true };
     });
-    picked
+    choice
 }
 
 fn swatch(ui: &mut Ui, name: &str, color: Option<Vec3>) -> Response {

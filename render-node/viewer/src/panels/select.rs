@@ -61,7 +61,7 @@ impl Panels {
         section(ui, "Selection", true, |ui| {
             how_many(ui, state);
             self.highlight(ui, tools);
-            self.operations(ui, state, output);
+            self.operations(ui, state, tools, output);
         });
         if state.services.scene {
             let opens = self.text_input.wants(Field::SaveName);
@@ -74,7 +74,7 @@ impl Panels {
     fn highlight(&self, ui: &mut Ui, tools: &mut Tools) {
         ui.horizontal(|ui| {
             ui.label("highlight");
-            let picked = color_button(ui, "colour of the selection", Some(tools.highlight), None);
+            let picked = color_button(ui, "colour of the selection", Some(tools.highlight), None).picked;
             if let Some(Picked::Color(rgb)) = picked {
                 tools.highlight = rgb;
             }
@@ -89,12 +89,13 @@ impl Panels {
         number("opacity", 0.0..=2.0, &mut tools.highlight_opacity);
     }
 
-    fn operations(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    fn operations(&mut self, ui: &mut Ui, state: &ViewState, tools: &Tools, output: &mut Output) {
+        let include_hidden = tools.include_hidden;
         let some = !state.selected.is_none();
         let step = |operation: Operation, combine: Combine| {
             let operation = SelectionOperation { operation: Some(operation), combine: combine.into() };
             let steps = vec![SelectionStep { step: Some(Step::Operation(operation)) }];
-            Request::Select(StrokesRequest { steps, ..StrokesRequest::default() })
+            Request::Select(StrokesRequest { steps, include_hidden, ..StrokesRequest::default() })
         };
         let own = Combine::Unspecified;
         let button = |ui: &mut Ui, on: bool, text: &str, does: &str| {

@@ -129,7 +129,7 @@ fn unscaled(scale: Scale, x: f64) -> f64 {
 }
 
 /// An RGB colour, 0 to 1, as egui holds it; no transfer curve lies between.
-pub(super) fn to_color32(rgb: Vec3) -> Color32 {
+pub(crate) fn to_color32(rgb: Vec3) -> Color32 {
     let [r, g, b] = (255.0 * rgb.clamp(Vec3::ZERO, Vec3::ONE)).round().to_array().map(|x| x as u8);
     Color32::from_rgb(r, g, b)
 }

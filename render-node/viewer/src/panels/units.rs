@@ -145,7 +145,7 @@ impl Panels {
                 return;
             }
             if !layout.two_lines {
-                self.opacity(ui, row, free, layout.slider);
+                self.opacity(ui, (state, row), free, layout.slider);
             }
             let does = if free { format!("lock {}", row.name) } else { format!("unlock {}", row.name) };
             if icon(ui, Icon::Lock, !free, &does) {
@@ -159,7 +159,7 @@ impl Panels {
         if layout.two_lines {
             ui.horizontal(|ui| {
                 ui.add_space(layout.before_name);
-                self.opacity(ui, row, free, layout.slider);
+                self.opacity(ui, (state, row), free, layout.slider);
             });
         }
     }
@@ -182,15 +182,27 @@ impl Panels {
         }
     }
 
-    /// A slider of the opacity factor, unless it is too short to be dragged, and its number.
-    fn opacity(&mut self, ui: &mut Ui, row: &Row, free: bool, slider: f32) {
+    /// A slider of the opacity factor, unless it is too short to be dragged, and the mean factor of all edits on its Gaussians.
+    fn opacity(&mut self, ui: &mut Ui, (state, row): (&ViewState, &Row), free: bool, slider: f32) {
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
             let what = format!("opacity of {}", row.name);
             if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
                 self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
-            cell(ui, NUMBER * scale(ui), Align::Max, RichText::new(percent(opacity)).weak());
+            // A hidden unit keeps the number that it will be shown with.
+            let effective = state.scene.mean_opacity(row.unit).filter(|_| row.visible).map_or(opacity, f64::from);
+            let is_changed_by_others = (effective - opacity).abs() > 0.005;
+            let number = RichText::new(percent(effective));
+            let number = if is_changed_by_others { number.strong() } else { number.weak() };
+            let shown = cell(ui, NUMBER * scale(ui), Align::Max, number);
+            if is_changed_by_others {
+                shown.on_hover_text(format!(
+                    "shown at {}: its own factor is {}, other units change the rest",
+                    percent(effective),
+                    percent(opacity)
+                ));
+            }
         });
     }
 
@@ -199,7 +211,9 @@ impl Panels {
             UnitRef::Base(_) => "palette of the file",
             UnitRef::Editable(_) => "Original colours",
         };
-        match color_button(ui, &format!("colour of {}", row.name), row.color, Some(own)) {
+        let choice = color_button(ui, &format!("colour of {}", row.name), row.color, Some(own));
+        output.is_choosing_color |= choice.is_open;
+        match choice.picked {
             Some(Picked::Color(rgb)) => self.hold(commands::set_color(&row.name, Some(rgb))),
             Some(Picked::Own) => output.change(commands::set_color(&row.name, None)),
             None => {}

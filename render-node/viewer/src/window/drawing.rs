@@ -17,7 +17,7 @@ use sg_raster::image::Image;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick::{FrontIds, Hit, SURFACE, front_ids, hit_of};
 use sg_raster::render::{Options, Projection};
-use sg_scene::camera_motion::scaled;
+use sg_scene::camera_motion::{preview, scaled};
 
 use super::error::WindowError;
 use super::shared_texture::SharedTexture;
@@ -105,7 +105,7 @@ fn whole_size(cameras: &[Camera]) -> [u32; 2] {
 }
 
 fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {
-    let cameras: Vec<_> = job.cameras.iter().map(|camera| scaled(camera, job.level.scale)).collect();
+    let cameras: Vec<_> = job.cameras.iter().map(|camera| preview(camera, job.level.scale)).collect();
     let options = Options { projection: job.projection, ..job.level.quality.into() };
     let background = job.appearance.background;
     // Outlines are drawn by the cores.
@@ -169,6 +169,11 @@ impl FrontSurface {
     /// Whether it is that of this camera.
     pub(super) fn is_of(&self, camera: &Camera) -> bool {
         self.camera == *camera
+    }
+
+    /// The front Gaussian of each pixel of a smaller picture.
+    pub(super) fn ids(&self) -> &FrontIds {
+        &self.ids
     }
 
     /// The front surface at a pixel of the window's picture.

@@ -79,7 +79,11 @@ impl SceneView {
             combine: combine.into(),
         };
         let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
-        Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() })
+        Request::Select(StrokesRequest {
+            steps: vec![step],
+            include_hidden: tools.include_hidden,
+            ..StrokesRequest::default()
+        })
     }
 
     /// Median depth of the surfaces seen within a polygon, along the view axis; `None` without a surface.

@@ -4,6 +4,7 @@
 //! person's requests go to a [`ViewPort`].
 
 mod bookmarks;
+mod contour;
 mod drawing;
 mod error;
 pub(crate) mod exporter;

@@ -12,6 +12,7 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::view::View;
 
+use super::contour::Contour;
 use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
 use super::navigation::{NavigationMode, Navigator};
@@ -120,6 +121,9 @@ pub(super) struct SceneView {
     occlusion_worker: OcclusionWorker,
     front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
+    /// Number of `front`: it counts up with each one found.
+    front_number: u64,
+    contour: Contour,
     requested_front: Option<(Camera, Appearance)>,
     /// The newest picture, where it came through memory.
     pixels: Option<TextureHandle>,
@@ -182,6 +186,8 @@ impl SceneView {
             front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
             scene,
             front: None,
+            front_number: 0,
+            contour: Contour::default(),
             requested_front: None,
             pixels: None,
             picture: None,
@@ -251,6 +257,7 @@ impl SceneView {
     pub(super) fn show_by(&mut self, shown_by: Option<(Gpu, TextureId)>) {
         self.shown_by = shown_by;
         (self.pixels, self.picture, self.on_device, self.requested) = (None, None, None, None);
+        self.contour.forget();
     }
 
     /// The device that draws pictures, if one does.
@@ -476,8 +483,19 @@ impl SceneView {
             let placed = placed(rect, self.picture_size);
             ui.painter().with_clip_rect(rect).image(picture, placed, whole, Color32::WHITE);
         }
+        self.draw_contour(ui, rect, appearance);
         self.draw_markers(ui, rect, state);
         self.draw_brush_ring(ui, rect, tools);
+    }
+
+    /// Draws the contour of the highlight, where the surface in front is known.
+    fn draw_contour(&mut self, ui: &Ui, rect: Rect, appearance: &Appearance) {
+        let camera = self.camera(rect);
+        let Some(overlay) = appearance.overlay.as_ref().filter(|overlay| !overlay.mask.is_none()) else { return };
+        let Some(front) = self.front.as_ref().filter(|front| !self.stereo && front.is_of(&camera)) else { return };
+        let texture = self.contour.texture(ui, (self.front_number, front.ids()), overlay);
+        let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        ui.painter().with_clip_rect(rect).image(texture, rect, whole, Color32::WHITE);
     }
 
     /// The newest ambient occlusion, where it is wanted.
@@ -510,6 +528,7 @@ impl SceneView {
         }
         if let Some(front) = self.front_worker.take() {
             self.front = front;
+            self.front_number += 1;
         }
     }
 

@@ -34,6 +34,8 @@ pub struct Settings {
     pub mode: BrushMode,
     /// Radius of the brush, a fraction of the box's longest edge.
     pub radius: f64,
+    /// Whether strokes, lassos and rectangles have a depth limit behind the surface.
+    pub front_only: bool,
     /// Best quality of pictures.
     pub quality: Quality,
     /// Whether panels are light.
@@ -48,7 +50,8 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, .. } = Tools::default();
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } =
+            Tools::default();
         Self {
             width: 1440.0,
             height: 900.0,
@@ -58,6 +61,7 @@ impl Default for Settings {
             navigation_mode: NavigationMode::default(),
             mode,
             radius,
+            front_only,
             quality,
             light_panels,
             scale,
@@ -144,9 +148,9 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, light_panels, scale, gradient, occlusion, .. } = *self;
+        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, .. } = *self;
         let quality = given.unwrap_or(self.quality);
-        *tools = Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, ..tools.clone() };
+        *tools = Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, ..tools.clone() };
     }
 
     /// The settings to save after a run that began with `before`. A quality given for that run alone, and not changed

@@ -13,6 +13,7 @@ use sg_proto::scene::{
 };
 use sg_proto::selection::StrokesRequest;
 use sg_scene::framing::{FirstView, near_distance};
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::view::View;
 use sg_selection::brush::Brush;
@@ -43,6 +44,9 @@ const RIGHT: f32 = 360.0;
 /// Points from the lower edge to the notices.
 const NOTICES: f32 = 48.0;
 
+/// Share of the highlight's colour beside a contour, at first: what is selected keeps its own colour.
+const TINT: f32 = 0.25;
+
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
 
@@ -71,6 +75,8 @@ pub struct WindowUi {
     /// The view that this window has sent and the scene has not confirmed yet.
     sent: Option<View>,
     panels_shown: bool,
+    /// Whether a panel shows the choice of a unit's colour.
+    is_choosing_color: bool,
     pub(super) help: bool,
     closes: bool,
     frames: u64,
@@ -86,12 +92,13 @@ impl WindowUi {
     pub fn new(
         scene: Arc<Scene>,
         engine: Engine,
-        (mut view_port, tools): (ViewPort, Tools),
+        (mut view_port, mut tools): (ViewPort, Tools),
         pictures: PathBuf,
         settings: &Settings,
         wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Result<Self, WindowError> {
         view_port.on_update(wake.clone());
+        tools.highlight_mix = tools.highlight_mix.min(TINT);
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
         let mut navigator = Navigator::new(shared, scene.bounds);
@@ -125,6 +132,7 @@ impl WindowUi {
             shared,
             sent: None,
             panels_shown: settings.panels,
+            is_choosing_color: false,
             help: false,
             closes: false,
             frames: 0,
@@ -135,13 +143,14 @@ impl WindowUi {
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let Tools { mode, radius, quality, light_panels, scale, gradient, occlusion, .. } = self.tools;
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } = self.tools;
         Settings {
             panels: self.panels_shown,
             mouse_tool: self.scene_view.mouse_tool,
             navigation_mode: self.scene_view.navigator.navigation_mode,
             mode,
             radius,
+            front_only,
             quality,
             light_panels,
             scale,
@@ -219,6 +228,7 @@ impl WindowUi {
         }
         egui::Panel::top("tools").show(ui, |ui| self.toolbar(ui, &state, &mut requests));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui, &state));
+        self.is_choosing_color = false;
         if self.panels_shown {
             self.show_panels(ui, &state, &mut requests);
         }
@@ -228,7 +238,11 @@ impl WindowUi {
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
             self.drag_parameter(PARAMETER_STEPS.1 * notches, &state, &mut requests);
-            let highlighted = self.scene_view.highlighted(&state, &self.tools);
+            let highlighted = if self.is_choosing_color {
+                Arc::new(Mask::empty(self.scene.len()))
+            } else {
+                self.scene_view.highlighted(&state, &self.tools)
+            };
             let appearance = self.appearance_builder.build(
                 &self.scene,
                 &state.scene,
@@ -285,6 +299,7 @@ impl WindowUi {
                 }
             });
         }
+        self.is_choosing_color = output.is_choosing_color;
         output.show_draft(&mut self.drafts, state);
         requests.extend(output.requests);
         for wish in output.actions {
@@ -393,7 +408,12 @@ impl WindowUi {
                     ..SelectionOperation::default()
                 };
                 let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
-                requests.push(Request::Select(StrokesRequest { steps: vec![step], ..StrokesRequest::default() }));
+                let include_hidden = self.tools.include_hidden;
+                requests.push(Request::Select(StrokesRequest {
+                    steps: vec![step],
+                    include_hidden,
+                    ..StrokesRequest::default()
+                }));
             }
             Action::FrameSelection if state.scene.selection().mask().is_none() => {
                 self.line = "nothing is selected; brush something first".to_owned();

@@ -57,17 +57,6 @@ impl EditState {
         if mask.is_none() { Err(EditError::EmptyTarget(phrase)) } else { Ok(mask) }
     }
 
-    fn visible(&self) -> Mask {
-        let mut mask = Mask::empty(self.count());
-        for base in self.base_units().iter().filter(|b| b.visible && b.opacity > 0.0) {
-            mask.select_range(base.range());
-        }
-        for unit in self.units().filter(|u| !u.visible || u.opacity == 0.0) {
-            mask.subtract(&unit.mask);
-        }
-        mask
-    }
-
     /// The Gaussians of `members` with their edited colours and opacities, as a scene of its own. `scene` is the opened one.
     /// Hidden Gaussians among them are visible there. A choice of all keeps the box of strokes; another choice gets the box of
     /// its centres.

@@ -49,6 +49,7 @@ mod target;
 #[cfg(test)]
 mod tests;
 mod transaction;
+mod visibility;
 pub mod wire;
 
 pub use edited::Part;

@@ -187,7 +187,9 @@ fn check_steps(steps: &[SelectionStep], gaussians: usize) -> Result<(), EditErro
             Some(Step::Stroke(_)) => {}
             Some(Step::Operation(operation)) if operation.operation.is_some() => {}
             Some(Step::Tuning(tuning)) if tuning.leak.is_finite() && tuning.threshold.is_finite() => {}
-            Some(Step::Mask(mask)) => drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?),
+            Some(Step::Mask(mask) | Step::Exclude(mask)) => {
+                drop(decode_mask(mask, gaussians, FIELD).map_err(|e| malformed(&e))?);
+            }
             _ => return Err(EditError::Malformed { field: FIELD, reason: format!("step {i} is empty or malformed") }),
         }
     }

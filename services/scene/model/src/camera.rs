@@ -36,6 +36,18 @@ pub struct Camera {
     /// Distance from the eye, in the scene's unit, within which Gaussians fade out. With 0 only what lies behind the eye does.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub near: f64,
+    /// Edge of this picture over that of the picture it previews, above 0 and at most 1. Below 1 each Gaussian keeps the area
+    /// times opacity that it has there, although it is dilated by a larger pixel.
+    #[serde(default = "whole", skip_serializing_if = "is_whole")]
+    pub preview_scale: f64,
+}
+
+fn whole() -> f64 {
+    1.0
+}
+
+fn is_whole(number: &f64) -> bool {
+    *number == 1.0
 }
 
 fn is_zero(number: &f64) -> bool {
@@ -132,6 +144,7 @@ impl Camera {
             background: [0.0; 3],
             light: Light::default(),
             near: 0.0,
+            preview_scale: 1.0,
         }
     }
 
@@ -191,6 +204,9 @@ impl Camera {
         }
         if !(self.near >= 0.0 && self.near.is_finite()) {
             return wrong("near", self.near.to_string(), "finite and not below 0");
+        }
+        if !(self.preview_scale > 0.0 && self.preview_scale <= 1.0) {
+            return wrong("preview_scale", self.preview_scale.to_string(), "above 0 and at most 1");
         }
         let view = self.view();
         let finite = self.world_to_camera.iter().all(|x| x.is_finite());

@@ -80,6 +80,15 @@ pub fn scaled(camera: &Camera, scale: f64) -> Camera {
     Camera { width, height, fx: fx * sx, fy: fy * sy, cx: cx * sx, cy: cy * sy, ..camera.clone() }
 }
 
+/// As [`scaled`], of a picture that stands for the larger one for a while: see [`Camera::preview_scale`].
+#[must_use]
+pub fn preview(camera: &Camera, scale: f64) -> Camera {
+    let small = scaled(camera, scale);
+    let edge =
+        (f64::from(small.width) / f64::from(camera.width)).min(f64::from(small.height) / f64::from(camera.height));
+    Camera { preview_scale: camera.preview_scale * edge.clamp(1e-6, 1.0), ..small }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

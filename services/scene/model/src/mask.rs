@@ -105,6 +105,23 @@ impl Mask {
         })
     }
 
+    /// At most `most` selected indices at even distances among the selected ones, ascending. Its cost does not grow with their number.
+    #[must_use]
+    pub fn samples(&self, most: usize) -> Vec<usize> {
+        let step = self.count().div_ceil(most.max(1)).max(1);
+        let (mut samples, mut before, mut next) = (Vec::new(), 0, 0);
+        for (k, &word) in self.words.iter().enumerate() {
+            let here = word.count_ones() as usize;
+            while next < before + here {
+                let rest = (before..next).fold(word, |rest, _| rest & (rest - 1));
+                samples.push(k * 64 + rest.trailing_zeros() as usize);
+                next += step;
+            }
+            before += here;
+        }
+        samples
+    }
+
     /// Selects a range of Gaussians, clamped to the mask's length.
     pub fn select_range(&mut self, range: std::ops::Range<usize>) {
         let (start, end) = (range.start, range.end.min(self.len));
@@ -220,6 +237,14 @@ mod tests {
             prop_assert_eq!(range.is_subset_of(&other), range.ones().all(|i| other.get(i)));
             prop_assert_eq!(Mask::full(len).count(), len);
             prop_assert!(range.is_subset_of(&Mask::full(len)));
+        }
+
+        #[test]
+        fn samples_are_at_even_distances(bits in proptest::collection::vec(any::<bool>(), 0..400), most in 1_usize..50) {
+            let mask = Mask::from_fn(bits.len(), |i| bits[i]);
+            let step = mask.count().div_ceil(most).max(1);
+            prop_assert_eq!(mask.samples(most), mask.ones().step_by(step).collect::<Vec<_>>());
+            prop_assert!(mask.samples(most).len() <= most);
         }
 
         #[test]

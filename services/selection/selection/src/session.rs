@@ -128,6 +128,13 @@ impl SelectionSession {
         self.walk.as_ref()
     }
 
+    /// Whether some step takes all of these Gaussians away from the walk.
+    #[must_use]
+    pub fn excludes(&self, gaussians: &Mask) -> bool {
+        let excludes = |step: &Step| matches!(step, Step::Exclude(mask) if gaussians.is_subset_of(mask));
+        self.steps().any(excludes)
+    }
+
     /// All steps, in order.
     pub fn steps(&self) -> impl ExactSizeIterator<Item = &Step> {
         self.applied.iter().map(|d| &d.step)
@@ -409,6 +416,10 @@ fn apply(index: &SelectionIndex, mask: &mut Mask, applied: &AppliedStep) -> Resu
         }
         Step::FixedMask(fixed) => {
             mask.union_with(fixed);
+            return Ok(());
+        }
+        Step::Exclude(excluded) => {
+            mask.subtract(excluded);
             return Ok(());
         }
         Step::Tuning(_) => return Ok(()),

@@ -15,6 +15,8 @@ pub enum Step {
     Operation(Operation),
     /// Adds a fixed mask, for example a selection by name.
     FixedMask(Mask),
+    /// Takes a fixed mask away, such as the Gaussians that were hidden.
+    Exclude(Mask),
     /// Sets the walk parameters.
     Tuning(Tuning),
 }
@@ -60,7 +62,7 @@ impl Step {
         match self {
             Self::Stroke(stroke) => stroke.check()?,
             Self::Operation(operation) => operation.check()?,
-            Self::FixedMask(_) => {}
+            Self::FixedMask(_) | Self::Exclude(_) => {}
             Self::Tuning(tuning) => tuning.check()?,
         }
         Ok(())

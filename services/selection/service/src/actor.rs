@@ -218,7 +218,7 @@ impl Selector {
         if steps.is_empty() && !request.restart {
             return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
         }
-        let outcome = self.take(request.restart, &steps, context).await;
+        let outcome = self.take((request.restart, request.include_hidden), &steps, context).await;
         if outcome.is_err() {
             let state = self.local_state();
             self.show(state.selection().mask(), &state, context).await;
@@ -229,7 +229,7 @@ impl Selector {
     /// Applies steps to the scene's selection, publishes a preview and commits the result.
     async fn take(
         &mut self,
-        restart: bool,
+        (restart, include_hidden): (bool, bool),
         steps: &[Step],
         context: &Context,
     ) -> Result<selection::StrokesReply, Fault> {
@@ -241,7 +241,7 @@ impl Selector {
             if only_at == 0 {
                 state = self.newest(context).await?;
             }
-            tokio::task::block_in_place(|| self.play(&state, restart, steps))?;
+            tokio::task::block_in_place(|| self.play(&state, (restart, include_hidden), steps))?;
             self.show(self.session.mask(), &state, context).await;
             match self.commit(&state, only_at, context).await {
                 Ok(result) => return Ok(self.reply(&result)),
@@ -296,13 +296,28 @@ impl Selector {
     }
 
     /// Updates the session to the scene's selection and adds the new steps. On an error nothing changes.
-    fn play(&mut self, state: &EditState, restart: bool, steps: &[Step]) -> Result<(), Fault> {
+    ///
+    /// Hidden Gaussians stay out of the selection, unless they were in it before or `include_hidden` is set.
+    fn play(
+        &mut self,
+        state: &EditState,
+        (restart, include_hidden): (bool, bool),
+        steps: &[Step],
+    ) -> Result<(), Fault> {
         let mut session =
             if restart { SelectionSession::new(Arc::clone(self.session.index())) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(refusal)?;
             progress::current().step();
+        }
+        let kept = state.selection().mask();
+        let hidden = hidden(state, (!restart).then_some(&**kept));
+        // A later change of the walk's parameters may let it grow into what is hidden now.
+        let may_grow = session.walk().is_some() && !session.excludes(&hidden);
+        if !include_hidden && !steps.is_empty() && !hidden.is_none() && (may_grow || session.mask().intersects(&hidden))
+        {
+            session.add_step(Step::Exclude(hidden)).map_err(refusal)?;
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;
@@ -342,15 +357,22 @@ impl Selector {
         let changed =
             open.preview.extend(&stroke.points, &stroke.pressure).map_err(|e| Fault::invalid(e.to_string()))?;
         let mask = open.preview.mask();
-        let changed = if goes_on {
+        let mut changed = if goes_on {
             changed
         } else {
             // Relative to the committed selection. The client displays that.
             differing(state.selection().mask(), mask)
         };
+        let mut selected = mask.count();
+        if !request.include_hidden {
+            let mut hidden = hidden(&state, Some(state.selection().mask()));
+            changed.retain(|g| !hidden.get(*g as usize));
+            hidden.intersect_with(mask);
+            selected -= hidden.count();
+        }
         Ok(selection::SampleReply {
             hits: open.preview.hits() as u64,
-            selected: mask.count() as u64,
+            selected: selected as u64,
             changed: runs(&changed),
             relative_to_committed: !goes_on,
             selection_hash: over.to_owned(),
@@ -443,6 +465,16 @@ impl Selector {
             summary: line,
         }
     }
+}
+
+/// The hidden Gaussians that a selection has to leave out; those of `kept` may stay.
+fn hidden(state: &EditState, kept: Option<&Mask>) -> Mask {
+    let mut hidden = state.visible();
+    if let Some(kept) = kept {
+        hidden.union_with(kept);
+    }
+    hidden.invert();
+    hidden
 }
 
 /// The fault of a rejected step.

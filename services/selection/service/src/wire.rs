@@ -60,6 +60,7 @@ pub(crate) fn decode_limited(
         Some(Sent::Stroke(stroke)) => decode_stroke_limited(stroke, max_points).map(Step::Stroke),
         Some(Sent::Operation(operation)) => decode_operation(operation).map(Step::Operation),
         Some(Sent::Mask(mask)) => Ok(Step::FixedMask(decode_mask(mask, gaussians, "mask").map_err(invalid)?)),
+        Some(Sent::Exclude(mask)) => Ok(Step::Exclude(decode_mask(mask, gaussians, "exclude").map_err(invalid)?)),
         Some(Sent::Tuning(tuning)) => decode_tuning(tuning).map(Step::Tuning),
         None => Err(invalid("a step is neither a stroke nor an operation")),
     }
@@ -71,6 +72,7 @@ pub(crate) fn encode(step: &Step) -> proto::SelectionStep {
         Step::Stroke(stroke) => Sent::Stroke(encode_stroke(stroke)),
         Step::Operation(operation) => Sent::Operation(encode_operation(operation)),
         Step::FixedMask(mask) => Sent::Mask(encode_mask(mask)),
+        Step::Exclude(mask) => Sent::Exclude(encode_mask(mask)),
         Step::Tuning(tuning) => Sent::Tuning(encode_tuning(*tuning)),
     };
     proto::SelectionStep { step: Some(step) }
@@ -222,6 +224,7 @@ fn decode_lasso(lasso: &proto::InLasso, combine: Combine) -> Result<Operation, D
         background: [0.0; 3],
         light: sg_scene::camera::Light::default(),
         near: 0.0,
+        preview_scale: 1.0,
     };
     let far = if lasso.far == 0.0 { f64::MAX } else { lasso.far };
     Ok(Operation::Lasso { camera: Box::new(camera), polygon: polygon.to_vec(), near: lasso.near, far, combine })
@@ -315,7 +318,8 @@ mod tests {
                 pressure: vec![0.5, 2.0],
                 depth: Some(Depth { eye: [0.5, -3.0, 0.5], reach: 0.01 }),
             }),
-            Step::FixedMask(mask),
+            Step::FixedMask(mask.clone()),
+            Step::Exclude(mask),
             Step::Tuning(Tuning { leak: 0.003, threshold: -0.25 }),
             Step::Operation(Operation::Invert),
             Step::Operation(Operation::Grow { distance: 0.1 }),

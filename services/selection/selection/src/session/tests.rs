@@ -77,6 +77,11 @@ fn operations_count_in_their_order_and_a_walk_counts_before_them() {
     let mut wanted = of(&[walk(0.3).into()]);
     wanted.union_with(&given);
     assert_eq!(with, wanted);
+    // One that is excluded is taken away there, whatever the walk selects.
+    let excluded = with.clone();
+    assert!(!of(&[walk(0.3).into(), Step::Exclude(excluded.clone())]).intersects(&excluded));
+    assert!(!of(&[Step::Exclude(excluded.clone()), walk(0.3).into()]).intersects(&excluded), "walks count as first");
+    assert_eq!(of(&[Step::Exclude(excluded), Step::FixedMask(given.clone())]), given);
 }
 
 #[test]

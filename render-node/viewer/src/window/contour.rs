@@ -1,0 +1,108 @@
+//! Contour of the highlighted Gaussians, over a window's picture.
+
+use std::sync::Arc;
+
+use egui::{Color32, ColorImage, TextureHandle, TextureId, TextureOptions, Ui};
+use glam::Vec3;
+use sg_raster::pick::FrontIds;
+use sg_scene::appearance::Overlay;
+use sg_scene::mask::Mask;
+
+use crate::panels::transfer::to_color32;
+
+/// Dark pixels beside the contour, so that it shows on every background.
+const RIM: Color32 = Color32::from_black_alpha(110);
+
+/// A contour's texture, drawn again only where its input differs.
+#[derive(Default)]
+pub(super) struct Contour {
+    texture: Option<TextureHandle>,
+    drawn: Option<Drawn>,
+}
+
+/// The input of the texture.
+struct Drawn {
+    /// Number of the front surface.
+    front: u64,
+    mask: Arc<Mask>,
+    color: Vec3,
+}
+
+impl Contour {
+    /// The texture of the contour of `overlay` on the front surface with this number. The texture covers the whole picture.
+    pub(super) fn texture(&mut self, ui: &Ui, (number, front): (u64, &FrontIds), overlay: &Overlay) -> TextureId {
+        let is_same = |drawn: &Drawn| {
+            drawn.front == number && Arc::ptr_eq(&drawn.mask, &overlay.mask) && drawn.color == overlay.color
+        };
+        if let Some(texture) = self.texture.as_ref().filter(|_| self.drawn.as_ref().is_some_and(is_same)) {
+            return texture.id();
+        }
+        self.drawn = Some(Drawn { front: number, mask: Arc::clone(&overlay.mask), color: overlay.color });
+        let image = contour(front, &overlay.mask, to_color32(overlay.color));
+        let texture = match self.texture.take() {
+            Some(mut texture) => {
+                texture.set(image, TextureOptions::LINEAR);
+                texture
+            }
+            None => ui.ctx().load_texture("contour", image, TextureOptions::LINEAR),
+        };
+        self.texture.insert(texture).id()
+    }
+
+    /// Makes the texture anew, for another context.
+    pub(super) fn forget(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// A line of `color` along the inside of the edge between front Gaussians of `mask` and all others, with a dark rim outside. The
+/// picture's own edge is none. All other pixels are transparent.
+fn contour(front: &FrontIds, mask: &Mask, color: Color32) -> ColorImage {
+    let (width, height) = (front.width as usize, front.height as usize);
+    let inside: Vec<bool> = front.ids.iter().map(|id| id.is_some_and(|id| mask.get(id as usize))).collect();
+    let at = |x: usize, y: usize| inside.get(y * width + x).copied().unwrap_or(false);
+    let mut pixels = vec![Color32::TRANSPARENT; width * height];
+    for y in 0..height {
+        for x in 0..width {
+            let here = at(x, y);
+            let differs = (x > 0 && at(x - 1, y) != here)
+                || (x + 1 < width && at(x + 1, y) != here)
+                || (y > 0 && at(x, y - 1) != here)
+                || (y + 1 < height && at(x, y + 1) != here);
+            if differs && let Some(pixel) = pixels.get_mut(y * width + x) {
+                *pixel = if here { color } else { RIM };
+            }
+        }
+    }
+    ColorImage::new([width, height], pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_contour_encloses_the_selected_front() {
+        // A square of 4 x 4 selected Gaussians, each in front at one pixel, and a background to the right.
+        let (width, height) = (8_u32, 6_u32);
+        let ids = (0..width * height).map(|k| (k % width < 6).then_some(k)).collect();
+        let front = FrontIds { width, height, ids };
+        let is_selected = |k: usize| (1..5).contains(&(k % 8)) && (1..5).contains(&(k / 8));
+        let mask = Mask::from_fn((width * height) as usize, is_selected);
+        let image = contour(&front, &mask, Color32::YELLOW);
+        for (k, pixel) in image.pixels.iter().enumerate() {
+            let (x, y) = (k % 8, k / 8);
+            let on_ring = is_selected(k) && (x == 1 || x == 4 || y == 1 || y == 4);
+            assert_eq!(*pixel == Color32::YELLOW, on_ring, "{x} {y}");
+            let beside = |x: usize, y: usize| (x == 0 || x == 5) && (1..5).contains(&y);
+            assert_eq!(*pixel == RIM, beside(x, y) || ((y == 0 || y == 5) && (1..5).contains(&x)), "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn the_edge_of_the_picture_is_no_contour() {
+        let front = FrontIds { width: 3, height: 2, ids: (0..6).map(Some).collect() };
+        let image = contour(&front, &Mask::full(6), Color32::YELLOW);
+        assert!(image.pixels.iter().all(|pixel| *pixel == Color32::TRANSPARENT));
+    }
+}
