@@ -19,8 +19,9 @@ use sg_proto::prost::{Message as _, Name};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Changes, Color, Command, CommitSelection, DeleteUnit, Event, NamedView, Orbit, Redo, RenameUnit, Reset, SaveUnit,
-    Select, SetBackground, SetColor, SetLight, SetOpacity, SetTerm, SetView, SetVisibility, ShowOnly, Target, Undo,
+    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, NamedView, Orbit, Redo, RenameUnit,
+    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetOpacity, SetTerm, SetView,
+    SetVisibility, ShowOnly, Target, Undo,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -439,6 +440,8 @@ fn some_commands() -> Vec<Command> {
         view(ViewChange::Zoom(1.5)),
         view(ViewChange::Focus(everything)),
         Action::DeleteUnit(DeleteUnit { name: "neck".into() }),
+        Action::DeleteGaussians(DeleteGaussians { target: selection() }),
+        Action::RestoreGaussians(RestoreGaussians {}),
         Action::Reset(Reset {}),
     ];
     let numbered = (1..).zip(actions);

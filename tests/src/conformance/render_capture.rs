@@ -7,7 +7,7 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::render::{CaptureRequest, Clip, DisplayMode, Frame, HalfSpace, PickRequest, Quality, Ray};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{SetVisibility, Vector};
+use sg_proto::scene::{DeleteGaussians, RestoreGaussians, SetVisibility, Undo, Vector};
 
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::named;
@@ -35,6 +35,7 @@ fn essence(payload: &[u8]) -> Result<String, String> {
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws what was asked for", draws(stage).await);
     checks.note("shows at least the revision asked for", at_least(stage).await);
+    checks.note("does not draw what is deleted", deleted(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
     checks.note("shows the structure in place of the scene", structure(stage).await);
@@ -82,6 +83,27 @@ async fn at_least(stage: &mut Stage<'_>) -> Result<(), String> {
     let late = soon().deadline_in(Duration::from_millis(500));
     let fault = stage.cli.ask(&keys::CAPTURE, &future, &late).await.err().map(|f| f.code);
     hold(fault == Some(Code::DeadlineExceeded), || format!("a revision of the future: {fault:?}"))
+}
+
+async fn deleted(stage: &mut Stage<'_>) -> Result<(), String> {
+    let whole = capture(stage, &small()).await?;
+    let hide = SetVisibility { target: named("body"), visible: false };
+    let revision = stage.change(Action::SetVisibility(hide)).await?.revision;
+    let hidden = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    let delete = DeleteGaussians { target: named("body") };
+    let revision = stage.change(Action::DeleteGaussians(delete)).await?.revision;
+    let deleted = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
+    hold(deleted.hash == hidden.hash && deleted.hash != whole.hash, || {
+        "a picture without a deleted unit is not one where it is hidden".to_owned()
+    })?;
+    let all = DeleteGaussians { target: named("sac") };
+    let revision = stage.change(Action::DeleteGaussians(all)).await?.revision;
+    let empty = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
+    hold(empty.coverage == 0.0, || format!("coverage {} of nothing", empty.coverage))?;
+    let revision = stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?.revision;
+    let back = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
+    hold(back.hash == whole.hash, || "restored Gaussians are not in the picture".to_owned())
 }
 
 async fn measures(stage: &Stage<'_>) -> Result<(), String> {

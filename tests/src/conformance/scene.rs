@@ -4,8 +4,8 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, FilesRequest, SetBackground, SetColor, SetOpacity, State,
-    Target, Undo,
+    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, RestoreGaussians, Select,
+    SetBackground, SetColor, SetOpacity, State, Target, Undo,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -45,6 +45,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("applies a command once", once(stage).await);
     checks.note("refuses another command under the same id", taken(stage).await);
     checks.note("takes back what it is told to", undo(stage).await);
+    checks.note("deletes Gaussians and brings them back", deletes(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
     checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
@@ -131,6 +132,30 @@ async fn undo(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::Undo(Undo { steps: 1 })).await?;
     let after = stage.scene_state().await?;
     hold(after.base_units == before.base_units, || "undo did not bring the palette back".to_owned())
+}
+
+async fn deletes(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = stage.scene_state().await?;
+    let of = |state: &State| state.base_units.iter().map(|u| (u.name.clone(), u.deleted)).collect::<Vec<_>>();
+    let whole = |state: &State| state.selection.as_ref().map_or(0, |s| s.count);
+    let everything = Some(Target { everything: true, ..Target::default() });
+    let select = || Action::Select(Select { target: everything.clone(), operation: 0 });
+    stage.change(select()).await?;
+    stage.change(Action::DeleteGaussians(DeleteGaussians { target: named("sac") })).await?;
+    let sac = before.base_units.iter().find(|u| u.name == "sac").map_or(0, |u| u.count);
+    let deleted = stage.scene_state().await?;
+    hold(of(&deleted).contains(&("sac".to_owned(), sac)), || format!("the unit is not deleted: {:?}", of(&deleted)))?;
+    let left = before.count - sac;
+    hold(whole(&deleted) == left, || format!("{} of {left} stay selected", whole(&deleted)))?;
+    stage.change(select()).await?;
+    let again = stage.scene_state().await?;
+    hold(whole(&again) == left, || format!("{} selected of the {left} that exist", whole(&again)))?;
+    stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?;
+    let restored = stage.scene_state().await?;
+    hold(of(&restored) == of(&before), || format!("not all came back: {:?}", of(&restored)))?;
+    stage.change(Action::Undo(Undo { steps: 3 })).await?;
+    let undone = stage.scene_state().await?;
+    hold(of(&undone) == of(&before), || format!("undo left {:?}", of(&undone)))
 }
 
 async fn changes(stage: &Stage<'_>, request: ChangesRequest) -> Result<Changes, String> {

@@ -9,8 +9,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    ChangesRequest, Grow, InSphere, Invert, Select, SelectionOperation, SelectionStep, SetVisibility, Stroke,
-    StrokeKind, StrokeMode, Undo, WalkTuning,
+    ChangesRequest, DeleteGaussians, Grow, InSphere, Invert, RestoreGaussians, Select, SelectionOperation,
+    SelectionStep, SetVisibility, Stroke, StrokeKind, StrokeMode, Undo, WalkTuning,
 };
 use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
 
@@ -53,6 +53,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("knows the scene's geometry", geometry(stage).await);
     checks.note("commits what strokes select", commit(stage).await);
     checks.note("takes operations among strokes", operations(stage).await);
+    checks.note("selects nothing that is deleted", deleted(stage).await);
     checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
     checks.note("tells what strokes select when they end", told(stage).await);
     checks.note("tries another leak and threshold after a walk", tunes(stage).await);
@@ -97,6 +98,22 @@ async fn commit(stage: &Stage<'_>) -> Result<(), String> {
         })?;
     }
     Ok(())
+}
+
+async fn deleted(stage: &mut Stage<'_>) -> Result<(), String> {
+    stage.change(Action::DeleteGaussians(DeleteGaussians { target: named("sac") })).await?;
+    for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
+        let reply = draw(stage, &strokes(mode, true)).await?;
+        hold(reply.selected == 0, || format!("{mode:?}: {} selected by a stroke over deleted ones", reply.selected))?;
+    }
+    let all = draw(stage, &taken(vec![Operation::Invert(Invert {})], true)).await?;
+    let selection = stage.scene_state().await?.selection.unwrap_or_default();
+    hold(all.selected == GAUSSIANS as u64 && selection.hash == all.selection_hash, || {
+        format!("{} selected where {GAUSSIANS} are left, the scene has {}", all.selected, selection.count)
+    })?;
+    stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?;
+    let back = draw(stage, &strokes(StrokeMode::Point, true)).await?;
+    hold(back.selected > 0, || "a stroke selects nothing where Gaussians were restored".to_owned())
 }
 
 async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {

@@ -2,9 +2,12 @@
 
 use egui::Ui;
 use glam::Vec3;
-use sg_edit::wire::encode_color;
+use sg_edit::wire::{encode_color, encode_mask};
+use sg_edit::{EditError, EditState, Part};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view};
+use sg_proto::scene::{
+    CommitSelection, DeleteGaussians, SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view,
+};
 
 use super::output::{Draft, Output};
 use super::panel::Panel;
@@ -43,6 +46,27 @@ pub(super) fn show_only(name: &str) -> Action {
 /// Frames a target from the present direction.
 pub(super) fn focus(target: Target) -> Action {
     Action::SetView(SetView { change: Some(set_view::Change::Focus(target)) })
+}
+
+/// Deletes the selected Gaussians.
+pub(crate) fn delete_selection() -> Action {
+    let target = Some(Target { selection: true, ..Target::default() });
+    Action::DeleteGaussians(DeleteGaussians { target })
+}
+
+/// Deletes everything but the selected Gaussians.
+pub(crate) fn crop_to_selection() -> Action {
+    let target = Some(Target { selection: true, complement: true, ..Target::default() });
+    Action::DeleteGaussians(DeleteGaussians { target })
+}
+
+/// Selects every visible Gaussian.
+///
+/// # Errors
+/// Where nothing is visible.
+pub(crate) fn select_visible(state: &EditState) -> Result<Action, EditError> {
+    let mask = Some(encode_mask(&state.part(Part::Visible)?));
+    Ok(Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() }))
 }
 
 /// Frames the selection from the present direction.

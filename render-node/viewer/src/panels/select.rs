@@ -7,11 +7,12 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    Combine, FillHoles, Grow, Invert, LargestPieces, SaveUnit, SelectionOperation, SelectionStep, Shrink, Similar,
+    Combine, FillHoles, Grow, Invert, LargestPieces, RestoreGaussians, SaveUnit, SelectionOperation, SelectionStep,
+    Shrink, Similar,
 };
 use sg_proto::selection::StrokesRequest;
 
-use super::commands::frame_selection;
+use super::commands::{crop_to_selection, delete_selection, frame_selection, select_visible};
 use super::control::{NOTHING_SELECTED, Number, button_width, by_number, scrolling, section, section_that};
 use super::icon::Icon;
 use super::output::{Output, PanelHost};
@@ -116,6 +117,7 @@ impl Panels {
                 }
             }
             if state.services.scene {
+                self.all_and_deletion(ui, state, output);
                 // The scene frames the selection that it has stored.
                 let stored = !state.scene.selection().mask().is_none();
                 if button(ui, stored, "frame selection", "looks at the selection from the present direction") {
@@ -149,6 +151,37 @@ impl Panels {
         if by_number(ui, some, &[("add similar", does)], within, &mut select.likeness).is_some() {
             let threshold = select.likeness;
             output.requests.push(step(Operation::Similar(Similar { threshold }), Combine::Add));
+        }
+    }
+
+    /// Buttons that select everything visible, delete, crop and restore.
+    fn all_and_deletion(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        let all = ui.button("all").on_hover_text("selects everything visible (Ctrl+A)");
+        if all.clicked()
+            && let Ok(action) = select_visible(&state.scene)
+        {
+            output.change(action);
+        }
+        // The scene deletes the selection that it has stored.
+        let stored = !state.scene.selection().mask().is_none() && !state.uncommitted;
+        for (text, does, action) in [
+            (
+                "delete",
+                "removes the selected Gaussians from the scene; undo brings them back (Delete)",
+                delete_selection(),
+            ),
+            ("crop", "deletes everything but the selection, hidden Gaussians too (Shift+Delete)", crop_to_selection()),
+        ] {
+            let button = ui.add_enabled(stored, Button::new(text)).on_hover_text(does);
+            if button.on_disabled_hover_text(NOTHING_SELECTED).clicked() {
+                output.change(action);
+            }
+        }
+        let deleted = state.scene.deleted().count();
+        if deleted > 0
+            && ui.button("restore deleted").on_hover_text(format!("brings {} back", count(deleted))).clicked()
+        {
+            output.change(Action::RestoreGaussians(RestoreGaussians {}));
         }
     }
 
@@ -214,7 +247,7 @@ impl Panels {
 }
 
 fn how_many(ui: &mut Ui, state: &ViewState) {
-    let (selected, all) = (state.selected.count(), state.scene.count());
+    let (selected, all) = (state.selected.count(), state.scene.existing_count());
     if selected == 0 {
         ui.label(format!("0 of {} Gaussians selected", count(all)));
     } else {

@@ -222,10 +222,10 @@ impl Panels {
 
     fn details(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, free: bool, output: &mut Output) {
         let members = match row.unit {
-            UnitRef::Base(i) => state.scene.base_units().get(i).map_or(0, |b| b.count),
+            UnitRef::Base(i) => state.scene.base_units().get(i).map_or(0, sg_edit::BaseUnitState::existing),
             UnitRef::Editable(id) => state.scene.units().find(|u| u.id == id).map_or(0, |u| u.mask.count()),
         };
-        let share = members as f64 / state.scene.count().max(1) as f64;
+        let share = members as f64 / state.scene.existing_count().max(1) as f64;
         let what = match row.unit {
             UnitRef::Base(_) => "base unit",
             UnitRef::Editable(_) => "unit",

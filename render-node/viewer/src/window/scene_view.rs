@@ -350,6 +350,10 @@ impl SceneView {
 
     fn fly(&mut self, ui: &Ui, dt: f64) {
         let way = ui.input(|i| {
+            // With Ctrl, a letter is a shortcut.
+            if i.modifiers.command {
+                return DVec3::ZERO;
+            }
             let axis = |plus, minus| f64::from(u8::from(i.key_down(plus))) - f64::from(u8::from(i.key_down(minus)));
             DVec3::new(
                 axis(egui::Key::D, egui::Key::A),

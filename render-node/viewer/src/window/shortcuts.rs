@@ -37,10 +37,16 @@ pub enum Action {
     Undo,
     /// Brings back.
     Redo,
+    /// Selects everything visible.
+    All,
     /// Selects nothing.
     Clear,
     /// Inverts the selection.
     Invert,
+    /// Deletes the selected Gaussians.
+    Delete,
+    /// Deletes everything but the selected Gaussians.
+    Crop,
     /// Letters go to the name of a new unit.
     Name,
     /// Moves the focus to the sentence for the agents.
@@ -113,8 +119,18 @@ pub const SHORTCUTS: &[Shortcut] = &[
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "undo"),
     plain(Key::Z, "Z", Action::Depth, "brush and lasso only the front, or the back too"),
     with(Modifiers::COMMAND, Key::Y, "Ctrl+Y", Action::Redo, "redo"),
+    with(Modifiers::COMMAND, Key::A, "Ctrl+A", Action::All, "select everything visible"),
     with(Modifiers::COMMAND, Key::D, "Ctrl+D", Action::Clear, "select nothing"),
     with(Modifiers::COMMAND, Key::I, "Ctrl+I", Action::Invert, "invert the selection"),
+    with(
+        Modifiers::SHIFT,
+        Key::Delete,
+        "Shift+Delete",
+        Action::Crop,
+        "crop: delete everything but the selection, hidden Gaussians too",
+    ),
+    plain(Key::Delete, "Delete", Action::Delete, "delete the selected Gaussians"),
+    plain(Key::Backspace, "Backspace", Action::Delete, "delete the selected Gaussians"),
     with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name the selection and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     with(Modifiers::SHIFT, Key::F, "Shift+F", Action::FrameSelection, "see the whole selection"),

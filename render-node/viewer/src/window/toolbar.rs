@@ -90,7 +90,7 @@ impl WindowUi {
             ui.label(format!(
                 "{} of {} Gaussians selected{uncommitted}",
                 count(state.selected.count()),
-                count(state.scene.count())
+                count(state.scene.existing_count())
             ));
             if self.view_port.dropped() > 0 {
                 ui.separator();

@@ -31,7 +31,10 @@ use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,
 };
-use crate::panels::{DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, frame_selection, theme};
+use crate::panels::{
+    DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, crop_to_selection, delete_selection,
+    frame_selection, select_visible, theme,
+};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::attributes::Attribute;
@@ -402,6 +405,21 @@ impl WindowUi {
             Action::Clear if selection => {
                 requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
             }
+            Action::All if scene => match select_visible(&state.scene) {
+                Ok(action) => requests.push(change(action)),
+                Err(_) => self.line = "nothing is visible; show something first".to_owned(),
+            },
+            Action::Delete | Action::Crop if scene => {
+                if state.uncommitted {
+                    // The scene would delete the selection that it has stored, not the one on screen.
+                    self.line = "the selection is not stored yet; press the key again".to_owned();
+                } else if state.scene.selection().mask().is_none() {
+                    self.line = "nothing is selected; brush something first".to_owned();
+                } else {
+                    let delete = if action == Action::Delete { delete_selection() } else { crop_to_selection() };
+                    requests.push(change(delete));
+                }
+            }
             Action::Invert if selection => {
                 let operation = SelectionOperation {
                     operation: Some(selection_operation::Operation::Invert(Invert {})),
@@ -419,7 +437,14 @@ impl WindowUi {
                 self.line = "nothing is selected; brush something first".to_owned();
             }
             Action::FrameSelection if scene => requests.push(change(frame_selection())),
-            Action::Undo | Action::Redo | Action::Clear | Action::Invert | Action::FrameSelection => {
+            Action::Undo
+            | Action::Redo
+            | Action::All
+            | Action::Clear
+            | Action::Invert
+            | Action::Delete
+            | Action::Crop
+            | Action::FrameSelection => {
                 self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {

@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
-use sg_proto::scene::{Combine, SaveUnit, SetView, Target, set_view};
+use sg_proto::scene::{Combine, DeleteGaussians, RestoreGaussians, SaveUnit, SetView, Target, set_view};
 use sg_proto::selection::{ProposalsReply, StrokesRequest};
 use sg_scene::mask::Mask;
 use sg_viewer::display::{BrushMode, Request, ServiceAvailability, Tools, WalkParameter};
@@ -119,6 +119,54 @@ fn the_selection_is_framed_where_there_is_one() {
     panel.state_mut().shown.services.scene = false;
     panel.run();
     assert!(panel.query_by_label("frame selection").is_none(), "the scene frames it");
+}
+
+#[test]
+fn the_selection_is_deleted_cropped_to_and_restored() {
+    let mut panel = prompt();
+    let target = |complement| Some(Target { selection: true, complement, ..Target::default() });
+    let delete = |complement| Action::DeleteGaussians(DeleteGaussians { target: target(complement) });
+    for (label, complement, left) in [("delete", false, 920), ("crop", true, 80)] {
+        panel.state_mut().asked.clear();
+        press(&mut panel, label);
+        assert_eq!(changes(&panel.state().asked), [delete(complement)], "{label}");
+        let after = panel.state().shown.scene.after(&crate::stage::scene(), delete(complement)).unwrap();
+        assert_eq!(after.existing_count(), left, "{label}");
+    }
+    assert!(panel.query_by_label("restore deleted").is_none(), "nothing is deleted yet");
+
+    // After the deletion its Gaussians are not counted, and the rest of them can be selected.
+    let after = Arc::new(panel.state().shown.scene.after(&crate::stage::scene(), delete(false)).unwrap());
+    panel.state_mut().shown.selected = Arc::clone(after.selection().mask());
+    panel.state_mut().shown.scene = Arc::clone(&after);
+    panel.state_mut().asked.clear();
+    panel.run();
+    assert!(panel.query_by_label("0 of 920 Gaussians selected").is_some());
+    for label in ["delete", "crop"] {
+        press(&mut panel, label);
+        assert_eq!(panel.state().asked, [], "{label}: nothing is selected");
+    }
+    press(&mut panel, "restore deleted");
+    let restore = Action::RestoreGaussians(RestoreGaussians {});
+    assert_eq!(changes(&panel.state().asked), std::slice::from_ref(&restore));
+    assert_eq!(after.after(&crate::stage::scene(), restore).unwrap().existing_count(), 1000);
+    panel.state_mut().asked.clear();
+    press(&mut panel, "all");
+    let asked = changes(&panel.state().asked);
+    let [all] = asked.as_slice() else { panic!("{asked:?}") };
+    let selected = after.after(&crate::stage::scene(), all.clone()).unwrap();
+    assert_eq!(selected.selection().mask().count(), 920);
+}
+
+#[test]
+fn a_selection_that_is_not_stored_yet_is_not_deleted() {
+    let mut panel = prompt();
+    panel.state_mut().shown.uncommitted = true;
+    panel.run();
+    for label in ["delete", "crop"] {
+        press(&mut panel, label);
+        assert_eq!(panel.state().asked, [], "{label}");
+    }
 }
 
 #[test]

@@ -62,6 +62,59 @@ fn only_dropped_scenes_and_volumes_are_opened() {
     assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
 }
 
+/// The changes of the scene that a key asks for.
+fn pressed(
+    harness: &mut Harness<'_, WindowUi>,
+    service: &Backend,
+    (modifiers, key): (egui::Modifiers, egui::Key),
+) -> Vec<Action> {
+    harness.key_press_modifiers(modifiers, key);
+    harness.step();
+    let of = |request| if let Request::Change(action) = request { *action } else { panic!("{request:?}") };
+    service.requests.try_iter().map(of).collect()
+}
+
+#[test]
+fn keys_select_everything_delete_and_crop() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
+    let (delete, backspace, crop, all) = (
+        (egui::Modifiers::NONE, egui::Key::Delete),
+        (egui::Modifiers::NONE, egui::Key::Backspace),
+        (egui::Modifiers::SHIFT, egui::Key::Delete),
+        (egui::Modifiers::COMMAND, egui::Key::A),
+    );
+    harness.step();
+    for key in [delete, backspace, crop] {
+        assert_eq!(pressed(&mut harness, &service, key), []);
+        assert!(harness.query_by_label_contains("nothing is selected").is_some(), "{key:?}");
+    }
+    let scene = scene();
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| {
+        state.selected = Arc::clone(chosen.selection().mask());
+        state.scene = Arc::clone(&chosen);
+    });
+    harness.step();
+    for (key, left) in [(delete, 950), (backspace, 950), (crop, 50)] {
+        let asked = pressed(&mut harness, &service, key);
+        let [action] = asked.as_slice() else { panic!("{key:?}: {asked:?}") };
+        assert_eq!(chosen.after(&scene, action.clone()).unwrap().existing_count(), left, "{key:?}");
+    }
+    // The stroke on screen is not the selection that the scene has.
+    service.writer.update(|state| state.uncommitted = true);
+    harness.step();
+    for key in [delete, crop] {
+        assert_eq!(pressed(&mut harness, &service, key), []);
+        assert!(harness.query_by_label_contains("not stored yet").is_some(), "{key:?}");
+    }
+    service.writer.update(|state| state.uncommitted = false);
+    harness.step();
+    let asked = pressed(&mut harness, &service, all);
+    let [action] = asked.as_slice() else { panic!("{asked:?}") };
+    assert_eq!(chosen.after(&scene, action.clone()).unwrap().selection().mask().count(), 1000);
+}
+
 /// Shift and F as a keyboard sends them.
 fn frame_selection(harness: &mut Harness<'_, WindowUi>, service: &Backend) -> Vec<Option<set_view::Change>> {
     harness.key_press_modifiers(egui::Modifiers::SHIFT, egui::Key::F);

@@ -22,10 +22,16 @@ struct UnitSummary<'s> {
     kind: &'static str,
 }
 
+/// Number of Gaussians that are not deleted.
+fn existing(state: &State) -> u64 {
+    let deleted = state.base_units.iter().map(|u| u.deleted).sum();
+    state.count.saturating_sub(deleted)
+}
+
 fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
     let base = state.base_units.iter().map(|u| UnitSummary {
         name: &u.name,
-        count: u.count,
+        count: u.count.saturating_sub(u.deleted),
         color: u.palette.as_ref(),
         opacity: u.opacity,
         visible: u.visible,
@@ -48,7 +54,7 @@ fn coverage(name: &str, frame: Option<&Frame>) -> Option<f64> {
 }
 
 fn line(unit: &UnitSummary<'_>, state: &State, frame: Option<&Frame>) -> String {
-    let share = if state.count > 0 { unit.count as f64 / state.count as f64 } else { 0.0 };
+    let share = unit.count as f64 / existing(state).max(1) as f64;
     let color = unit.color.map_or("original colours", color::name_of);
     let covered = match coverage(unit.name, frame) {
         Some(share) if unit.visible => format!("; covers {} of the picture", percent(share)),
@@ -100,7 +106,7 @@ pub fn selection(state: &State) -> String {
     if count == 0 {
         return "Nothing is selected.".to_owned();
     }
-    let share = if state.count > 0 { count as f64 / state.count as f64 } else { 0.0 };
+    let share = count as f64 / existing(state).max(1) as f64;
     let gaussians = if count == 1 { "1 Gaussian is".to_owned() } else { format!("{} Gaussians are", grouped(count)) };
     let parts = selected_parts(state);
     let of = if parts.is_empty() { String::new() } else { format!(": {}", join(&parts)) };
@@ -114,7 +120,7 @@ fn selected_parts(state: &State) -> Vec<String> {
     for base in &state.base_units {
         let last = base.first.saturating_add(base.count).min(selected.length);
         let inside = (base.first..last).filter(|i| bit(selected, *i)).count();
-        parts.push((inside as f64 / base.count.max(1) as f64, &base.name));
+        parts.push((inside as f64 / base.count.saturating_sub(base.deleted).max(1) as f64, &base.name));
     }
     for unit in state.units.iter().filter(|u| !u.derived) {
         let Some(mask) = &unit.mask else { continue };
@@ -142,7 +148,13 @@ fn bit(mask: &Mask, index: u64) -> bool {
 /// The whole scene: units, selection, light, background, shading.
 #[must_use]
 pub fn scene(state: &State, frame: Option<&Frame>) -> String {
-    let mut parts = vec![format!("The scene has {} Gaussians. {}", grouped(state.count), list(state, frame))];
+    let deleted = match state.count - existing(state) {
+        0 => String::new(),
+        1 => " 1 more is deleted.".to_owned(),
+        n => format!(" {} more are deleted.", grouped(n)),
+    };
+    let existing = grouped(existing(state));
+    let mut parts = vec![format!("The scene has {existing} Gaussians.{deleted} {}", list(state, frame))];
     parts.push(selection(state));
     if let Some(light) = &state.light {
         let from = match light.mode() {

@@ -75,6 +75,11 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
             let verb = if save.replace { "Updated" } else { "Saved" };
             format!("{verb} “{}” with {} Gaussians.", save.name, grouped(count))
         }
+        Action::DeleteGaussians(delete) => {
+            let (what, verb) = subject(delete.target.as_ref());
+            format!("{what} {verb} deleted. “undo” brings it back.")
+        }
+        Action::RestoreGaussians(_) => "Everything deleted is back.".to_owned(),
         Action::DeleteUnit(delete) => {
             format!("Removed the name “{}”. Its Gaussians stay; “undo” restores the name.", delete.name)
         }

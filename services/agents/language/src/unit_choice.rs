@@ -21,7 +21,7 @@ const MAX_SENTENCE_BYTES: usize = 1000;
 /// none.
 #[must_use]
 pub fn unknown_names<'c>(clause: &'c Clause, state: &State) -> Vec<&'c str> {
-    if clause.act() == Act::Delete {
+    if matches!(clause.act(), Act::Delete | Act::DeleteGaussians) {
         return Vec::new();
     }
     let names = unit_names::all(state);

@@ -22,6 +22,7 @@ fn scene() -> State {
         palette: Some(Color { red: 1.0, green: 0.0, blue: 0.0 }),
         opacity: 1.0,
         visible: true,
+        ..BaseUnit::default()
     };
     let unit = |id, name: &str, derived| Unit {
         id,
@@ -228,7 +229,43 @@ fn an_existing_name_is_refused_unless_it_is_updated() {
 }
 
 #[test]
-fn only_saved_units_are_renamed_and_deleted() {
+fn gaussians_are_deleted_by_name_by_selection_and_around_a_target() {
+    let delete = |reference| clause(Act::DeleteGaussians, reference);
+    let selection = Reference { selection: true, ..Reference::default() };
+    let around = Reference { complement: true, ..names_of(&["sac"]) };
+    for (reference, wanted) in [
+        (names_of(&["leaves"]), Target { units: vec!["leaves".into()], ..Target::default() }),
+        (selection.clone(), Target { selection: true, ..Target::default() }),
+        (around, Target { units: vec!["sac".into()], complement: true, ..Target::default() }),
+    ] {
+        let Action::DeleteGaussians(made) = action(&delete(reference.clone()), &scene()) else {
+            panic!("{reference:?}")
+        };
+        assert_eq!(made.target, Some(wanted));
+    }
+    assert_eq!(refusal(&delete(selection), &unselected()).code, Code::FailedPrecondition);
+    assert_eq!(refusal(&delete(names_of(&["sack"])), &scene()).code, Code::NotFound);
+
+    let restore = clause(Act::RestoreGaussians, Reference::default());
+    assert!(
+        matches!(commands::resolve(&restore, &scene(), None), Ok(Step::Answer { text, .. }) if text == "Nothing is deleted.")
+    );
+    let mut deleted = scene();
+    deleted.base_units[0].deleted = 100;
+    assert!(matches!(action(&restore, &deleted), Action::RestoreGaussians(_)));
+    // What is deleted counts no more.
+    let of = |name: &str| sg_language::query::unit(name, &deleted, None).unwrap();
+    assert!(
+        of("parent vessel").starts_with("Parent vessel: 800 Gaussians (89 % of the scene)"),
+        "{}",
+        of("parent vessel")
+    );
+    let told = sg_language::query::scene(&deleted, None);
+    assert!(told.starts_with("The scene has 900 Gaussians. 100 more are deleted."), "{told}");
+}
+
+#[test]
+fn only_saved_units_are_renamed_and_lose_their_names() {
     let rename = |from: &str, to: &str| Clause { name: to.into(), ..clause(Act::Rename, names_of(&[from])) };
     assert!(
         matches!(action(&rename("sac", "dome"), &scene()), Action::RenameUnit(r) if r.name == "sac" && r.new_name == "dome")

@@ -124,8 +124,7 @@ impl Transaction<'_> {
         // Earlier commands on unnamed Gaussians are overridden.
         self.supersede(Attribute::Visibility, &Mask::full(self.state.count()), None)?;
         self.show(&target, false)?;
-        let mut rest = target.members.clone();
-        rest.invert();
+        let rest = self.state.rest_of(&target.members);
         if !rest.is_none() {
             let stem = format!("everything but {}", target.phrase);
             let id = match self.derived_of(&rest, false) {

@@ -19,7 +19,7 @@ const MAX_PARTS: usize = 4096;
 /// A choice of Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part<'a> {
-    /// All, hidden ones too.
+    /// All that are not deleted, hidden ones too.
     Everything,
     /// Those that no hidden unit contains and no opacity of 0 erases.
     Visible,
@@ -48,7 +48,7 @@ impl EditState {
     /// a choice of nothing.
     pub fn part(&self, part: Part<'_>) -> Result<Mask, EditError> {
         let (mask, phrase) = match part {
-            Part::Everything => (Mask::full(self.count()), "everything".to_owned()),
+            Part::Everything => (self.existing(), "everything".to_owned()),
             Part::Visible => (self.visible(), "the visible part".to_owned()),
             Part::Selection if self.selection().mask().is_none() => return Err(EditError::NothingSelected),
             Part::Selection => ((**self.selection().mask()).clone(), "the selection".to_owned()),

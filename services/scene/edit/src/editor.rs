@@ -208,6 +208,8 @@ impl Editor {
             Action::SaveUnit(a) => transaction.save_unit(a)?,
             Action::DeleteUnit(a) => transaction.delete_unit(a)?,
             Action::RenameUnit(a) => transaction.rename_unit(a)?,
+            Action::DeleteGaussians(a) => transaction.delete_gaussians(a)?,
+            Action::RestoreGaussians(_) => transaction.restore_gaussians()?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
@@ -258,7 +260,8 @@ impl Editor {
 fn snapshot_bytes(state: &EditState) -> usize {
     let mask = state.count().div_ceil(8) + 64;
     let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
-    mask * state.units.len() + 64 + state.selection.bytes() + names + state.geometry.path.len() + (64 << 10)
+    let deleted = usize::from(!state.deleted.is_none()) + state.units().filter(|u| u.deleted.is_some()).count();
+    mask * (state.units.len() + deleted) + 64 + state.selection.bytes() + names + state.geometry.path.len() + (64 << 10)
 }
 
 /// Whether an id can name a command: not empty, at most 128 bytes.

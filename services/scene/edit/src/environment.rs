@@ -5,6 +5,7 @@ use sg_proto::scene::{SetBackground, SetLight, SetTerm, SetView};
 
 use super::command_number::{self, malformed};
 use super::error::EditError;
+use super::state::BaseUnitState;
 use super::transaction::Transaction;
 use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
 use sg_scene::appearance::ShadingTerm;
@@ -113,9 +114,12 @@ impl Transaction<'_> {
         Ok(summary)
     }
 
-    /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays.
+    /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
+    /// Gaussians stay deleted.
     pub(super) fn reset(&mut self) -> String {
-        self.state.base.clone_from(&self.initial.base);
+        for (base, initial) in self.state.base.iter_mut().zip(&self.initial.base) {
+            *base = BaseUnitState { deleted: base.deleted, ..initial.clone() };
+        }
         self.state.units.retain(|_, unit| !unit.derived);
         for unit in self.state.units.values_mut() {
             (unit.color, unit.opacity, unit.visible) = (None, 1.0, true);

@@ -48,6 +48,9 @@ pub enum EditError {
     /// There is nothing visible to look at.
     #[error("{0} has no visible Gaussian at a finite position; there is nothing to look at")]
     NothingToSee(String),
+    /// No Gaussian is deleted.
+    #[error("nothing is deleted; there is nothing to restore")]
+    NothingDeleted,
     /// There is no earlier state.
     #[error("there is nothing to undo")]
     NothingToUndo,
@@ -135,6 +138,7 @@ impl EditError {
             | Self::NothingSelected
             | Self::EmptyTarget(_)
             | Self::NothingToSee(_)
+            | Self::NothingDeleted
             | Self::NothingToUndo
             | Self::NothingToRedo
             | Self::RevisionConflict { .. }

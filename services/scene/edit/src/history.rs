@@ -27,7 +27,8 @@ impl Entry {
     /// Bytes of masks and steps, as if nothing were shared.
     fn bytes(&self) -> usize {
         let of = |change: &Change| match change {
-            Change::Unit(unit) => unit.mask.len().div_ceil(8),
+            Change::Unit(unit) => unit.mask.len().div_ceil(8) * (1 + usize::from(unit.deleted.is_some())),
+            Change::DeletedGaussians(mask) => mask.len().div_ceil(8),
             Change::Selection(selection) => selection.bytes(),
             _ => 0,
         };

@@ -35,6 +35,7 @@
 
 mod appearance;
 mod command_number;
+mod deletion;
 mod derived;
 mod edited;
 mod editor;

@@ -29,7 +29,8 @@ impl Transaction<'_> {
         const FIELD: &str = "commit_selection.mask";
         let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
         let mask = command.mask.as_ref().ok_or_else(missing)?;
-        let mask = decode_mask(mask, self.state.count(), FIELD).map_err(|e| malformed(&e))?;
+        let mut mask = decode_mask(mask, self.state.count(), FIELD).map_err(|e| malformed(&e))?;
+        mask.subtract(&self.state.deleted);
         let steps = steps_of(&command.strokes, &command.steps);
         check_steps(&steps, self.state.count())?;
         let count = mask.count();
@@ -86,7 +87,7 @@ impl Transaction<'_> {
         })
     }
 
-    fn select_mask(&mut self, mask: Mask) {
+    pub(super) fn select_mask(&mut self, mask: Mask) {
         self.state.selection = Selection::new(Arc::new(mask), Arc::new([]));
         self.focus_on(Vec::new());
     }
@@ -112,7 +113,7 @@ impl Transaction<'_> {
                 return Err(EditError::NameTaken(unit.name.clone()));
             }
             let name = unit.name.clone();
-            unit.mask = mask;
+            (unit.mask, unit.deleted) = (mask, None);
             self.focus_on(vec![name.clone()]);
             return Ok(format!("replaced {name} with the selection: {count}"));
         }
@@ -128,16 +129,16 @@ impl Transaction<'_> {
         });
         self.yield_name(&name);
         let id = self.fresh_id()?;
-        self.insert(Unit { id, name: name.clone(), mask, color, opacity, visible, derived: false });
+        self.insert(Unit { id, name: name.clone(), mask, deleted: None, color, opacity, visible, derived: false });
         self.focus_on(vec![name.clone()]);
         Ok(format!("saved the selection as {name}: {count}"))
     }
 
     pub(super) fn delete_unit(&mut self, command: &DeleteUnit) -> Result<String, EditError> {
-        let (id, name) = self.editable(&command.name, "deleted", "hide it instead")?;
+        let (id, name) = self.editable(&command.name, "unnamed", "delete its Gaussians or hide it")?;
         self.state.units.remove(&id);
         self.focus_on(Vec::new());
-        Ok(format!("deleted {name}; its Gaussians stay"))
+        Ok(format!("removed the name {name}; its Gaussians stay"))
     }
 
     /// Renames a unit; a derived one that is given a name is saved by that.
@@ -246,7 +247,7 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
 }
 
 /// A number of Gaussians in words.
-fn gaussians(count: usize) -> String {
+pub(super) fn gaussians(count: usize) -> String {
     grouped(count) + if count == 1 { " Gaussian" } else { " Gaussians" }
 }
 

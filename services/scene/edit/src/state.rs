@@ -30,13 +30,21 @@ pub struct BaseUnitState {
     pub opacity: f32,
     /// Whether it is drawn.
     pub visible: bool,
+    /// Number of its Gaussians that are deleted; `count` includes them.
+    pub deleted: usize,
 }
 
 impl BaseUnitState {
-    /// Scene-wide indices of its Gaussians.
+    /// Scene-wide indices of its Gaussians, deleted ones too.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
         self.first..self.first + self.count
+    }
+
+    /// Number of its Gaussians without the deleted ones.
+    #[must_use]
+    pub fn existing(&self) -> usize {
+        self.count.saturating_sub(self.deleted)
     }
 }
 
@@ -47,8 +55,10 @@ pub struct Unit {
     pub id: u64,
     /// Name, unique among base and editable units.
     pub name: String,
-    /// Its Gaussians.
+    /// Its Gaussians, without deleted ones.
     pub mask: Arc<Mask>,
+    /// Its deleted Gaussians, to come back with them; `None` for none.
+    pub deleted: Option<Arc<Mask>>,
     /// Colour that replaces the diffuse colour of its members.
     pub color: Option<Vec3>,
     /// Factor on the opacity of its members, at least 0.
@@ -138,6 +148,7 @@ pub struct EditState {
     pub(crate) base: Vec<BaseUnitState>,
     pub(crate) units: BTreeMap<u64, Unit>,
     pub(crate) selection: Selection,
+    pub(crate) deleted: Arc<Mask>,
     pub(crate) light: Light,
     pub(crate) background: Vec3,
     pub(crate) view: View,
@@ -166,6 +177,7 @@ impl EditState {
             palette: look.palette,
             opacity: look.opacity,
             visible: look.visible,
+            deleted: 0,
         });
         let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
         Self {
@@ -173,6 +185,7 @@ impl EditState {
             base: base.collect(),
             units: BTreeMap::new(),
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
+            deleted: Arc::new(Mask::empty(scene.len())),
             light: look.light,
             background: look.background,
             view: initial_view(scene),
@@ -201,7 +214,7 @@ impl EditState {
         &self.geometry
     }
 
-    /// Number of Gaussians.
+    /// Number of Gaussians of the geometry, deleted ones too: the length of every mask.
     #[must_use]
     pub fn count(&self) -> usize {
         self.geometry.count
@@ -254,7 +267,7 @@ impl EditState {
         &self.focus
     }
 
-    /// The Gaussians of a unit.
+    /// The Gaussians of a unit, without deleted ones.
     #[must_use]
     pub fn members(&self, unit: UnitRef) -> Arc<Mask> {
         let mut mask = Mask::empty(self.count());
@@ -262,6 +275,7 @@ impl EditState {
             UnitRef::Base(i) => {
                 if let Some(base) = self.base.get(i) {
                     mask.select_range(base.range());
+                    mask.subtract(&self.deleted);
                 }
             }
             UnitRef::Editable(id) => {
@@ -273,7 +287,8 @@ impl EditState {
         Arc::new(mask)
     }
 
-    /// The look that a renderer draws, without an overlay. Editable units that change nothing are left out.
+    /// The look that a renderer draws, without an overlay. Editable units that change nothing are left out. The last unit hides
+    /// the deleted Gaussians.
     #[must_use]
     pub fn appearance(&self) -> Appearance {
         let base = self.base.iter().map(|b| BaseAppearance {
@@ -288,9 +303,15 @@ impl EditState {
             opacity: u.opacity,
             visible: u.visible,
         });
+        let deleted = (!self.deleted.is_none()).then(|| UnitAppearance {
+            mask: Arc::clone(&self.deleted),
+            color: None,
+            opacity: 1.0,
+            visible: false,
+        });
         Appearance {
             base: base.collect(),
-            units: units.collect(),
+            units: units.chain(deleted).collect(),
             overlay: None,
             light: self.light,
             background: self.background,
@@ -314,6 +335,8 @@ pub enum Change {
     Deleted(u64),
     /// The selection.
     Selection(Selection),
+    /// All deleted Gaussians.
+    DeletedGaussians(Arc<Mask>),
     /// The light.
     Light(Light),
     /// The background.
@@ -359,6 +382,7 @@ impl EditState {
             }
             Change::Unit(unit) => {
                 fits(&unit.mask)?;
+                unit.deleted.as_deref().map_or(Ok(()), fits)?;
                 self.units.insert(unit.id, unit);
             }
             Change::Deleted(id) => {
@@ -367,6 +391,10 @@ impl EditState {
             Change::Selection(selection) => {
                 fits(selection.mask())?;
                 self.selection = selection;
+            }
+            Change::DeletedGaussians(deleted) => {
+                fits(&deleted)?;
+                self.deleted = deleted;
             }
             Change::Light(light) => self.light = light,
             Change::Background(color) => self.background = color,
@@ -396,6 +424,9 @@ impl EditState {
         if self.selection != after.selection {
             changes.push(Change::Selection(after.selection.clone()));
         }
+        if !Arc::ptr_eq(&self.deleted, &after.deleted) && self.deleted != after.deleted {
+            changes.push(Change::DeletedGaussians(Arc::clone(&after.deleted)));
+        }
         if self.light != after.light {
             changes.push(Change::Light(after.light));
         }
@@ -420,6 +451,7 @@ fn same(a: &Unit, b: &Unit) -> bool {
     (a.id, &a.name, a.color, a.opacity, a.visible, a.derived)
         == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived)
         && (Arc::ptr_eq(&a.mask, &b.mask) || a.mask == b.mask)
+        && a.deleted == b.deleted
 }
 
 #[cfg(test)]

@@ -59,7 +59,7 @@ impl EditState {
                 return Err(EditError::EmptyTarget("what is left of everything".to_owned()));
             }
             return Ok(ResolvedTarget {
-                members: Mask::full(self.count()),
+                members: self.existing(),
                 named: Vec::new(),
                 everything: true,
                 unnamed: None,
@@ -70,7 +70,7 @@ impl EditState {
         }
         let phrase = join_names(&parts);
         if target.complement {
-            members.invert();
+            let members = self.rest_of(&members);
             let phrase = format!("everything but {phrase}");
             if members.is_none() {
                 return Err(EditError::EmptyTarget(phrase));

@@ -8,7 +8,7 @@ use super::state::{EditState, UnitRef};
 const SAMPLES: usize = 512;
 
 impl EditState {
-    /// The Gaussians that no edit hides. A hidden unit, and one with an opacity factor of 0, hides all of its own.
+    /// The Gaussians that no edit hides or deletes. A hidden unit, and one with an opacity factor of 0, hides all of its own.
     #[must_use]
     pub fn visible(&self) -> Mask {
         let mut visible = Mask::empty(self.count());
@@ -18,6 +18,7 @@ impl EditState {
         for unit in self.units().filter(|unit| !unit.visible || unit.opacity == 0.0) {
             visible.subtract(&unit.mask);
         }
+        visible.subtract(self.deleted());
         visible
     }
 

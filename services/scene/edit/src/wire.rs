@@ -235,6 +235,7 @@ fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
         palette: Some(encode_color(base.palette)),
         opacity: base.opacity,
         visible: base.visible,
+        deleted: base.deleted as u64,
     }
 }
 
@@ -246,6 +247,7 @@ fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
         palette: decode_color(base.palette.as_ref().ok_or(WireError::Missing("base_unit.palette"))?),
         opacity: base.opacity,
         visible: base.visible,
+        deleted: count(base.deleted, "base_unit.deleted")?,
     })
 }
 
@@ -259,6 +261,7 @@ fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
         opacity: unit.opacity,
         visible: unit.visible,
         derived: unit.derived,
+        deleted: unit.deleted.as_deref().filter(|_| with_mask).map(encode_mask),
     }
 }
 
@@ -268,11 +271,21 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
         id: unit.id,
         name: unit.name.clone(),
         mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
+        deleted: decode_optional(unit.deleted.as_ref(), expected, "unit.deleted")?,
         color: unit.color.as_ref().map(decode_color),
         opacity: unit.opacity,
         visible: unit.visible,
         derived: unit.derived,
     })
+}
+
+/// A mask that is absent where it would be empty.
+fn decode_optional(
+    mask: Option<&proto::Mask>,
+    expected: usize,
+    field: &'static str,
+) -> Result<Option<Arc<Mask>>, WireError> {
+    mask.map(|mask| decode_mask(mask, expected, field).map(Arc::new)).transpose()
 }
 
 fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection {
@@ -321,6 +334,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Unit(unit) => Item::Unit(encode_unit(unit, true)),
         Change::Deleted(id) => Item::DeletedUnit(*id),
         Change::Selection(selection) => Item::Selection(encode_selection(selection, true)),
+        Change::DeletedGaussians(mask) => Item::DeletedGaussians(encode_mask(mask)),
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
@@ -341,6 +355,9 @@ pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, 
         Item::Unit(unit) => Change::Unit(decode_unit(unit, expected)?),
         Item::DeletedUnit(id) => Change::Deleted(*id),
         Item::Selection(selection) => Change::Selection(decode_selection(selection, expected)?),
+        Item::DeletedGaussians(mask) => {
+            Change::DeletedGaussians(Arc::new(decode_mask(mask, expected, "change.deleted_gaussians")?))
+        }
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
@@ -371,6 +388,7 @@ impl EditState {
             focus: self.focus.clone(),
             undo: Vec::new(),
             redo: Vec::new(),
+            deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
         }
     }
 
@@ -397,6 +415,8 @@ impl EditState {
             base: state.base_units.iter().map(decode_base).collect::<Result<_, _>>()?,
             units: units.collect::<Result<_, _>>()?,
             selection: decode_selection(selection, expected)?,
+            deleted: decode_optional(state.deleted.as_ref(), expected, "state.deleted")?
+                .unwrap_or_else(|| Arc::new(Mask::empty(expected))),
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,

@@ -10,7 +10,9 @@ use serde_json::Value;
 use sg_edit::wire::encode_mask;
 use sg_formats::{LoadOptions, SaveOptions, load, save};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, Command, CommitSelection, SaveUnit, SetColor, SetOpacity, SetVisibility, Target};
+use sg_proto::scene::{
+    Color, Command, CommitSelection, DeleteGaussians, SaveUnit, SetColor, SetOpacity, SetVisibility, Target,
+};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::samples;
@@ -262,6 +264,22 @@ fn a_project_is_written_with_its_edits_also_while_it_is_open() {
     let (status, _, said) = words(&run(folder.path(), &["convert", "a.sgproj", "b.toml"]));
     assert!(status == 2 && said.contains("name the scene's present place with --scene"), "{said}");
     convert(&["b.toml", "--scene", "out/scene.toml"]);
+}
+
+#[test]
+fn deleted_gaussians_are_written_nowhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut project = edited_project(folder.path());
+    // The selection is 10..40: all of `sac`, part of both base units.
+    let target = Some(Target { selection: true, ..Target::default() });
+    let action = Some(Action::DeleteGaussians(DeleteGaussians { target }));
+    project.apply(&Command { id: "delete".to_owned(), expected_revision: 0, action }).unwrap();
+    let convert = |arguments: &[&str]| run(folder.path(), &[&["convert", "a.sgproj", "--json"], arguments].concat());
+    assert_eq!(json(&convert(&["all.toml", "--only", "everything"]))["gaussians"], 20);
+    assert_eq!(json(&convert(&["visible.ply"]))["gaussians"], 10);
+    assert_eq!(json(&convert(&["skin.ply", "--unit", "skin"]))["gaussians"], 10);
+    let (status, _, said) = words(&convert(&["sac.ply", "--unit", "sac"]));
+    assert!(status == 2 && said.contains("sac has no Gaussians"), "{said}");
 }
 
 #[test]

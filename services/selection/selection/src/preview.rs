@@ -18,6 +18,8 @@ pub struct Preview {
     session: SelectionSession,
     stroke: Stroke,
     open: OpenStroke,
+    /// Number of Gaussians under the stroke, without deleted ones.
+    hits: usize,
     /// Hit clusters, for cluster strokes; empty otherwise.
     hit_clusters: Vec<bool>,
     mask: Mask,
@@ -35,6 +37,7 @@ impl Preview {
         let radius = stroke.radius * index.bounds().longest_edge();
         Ok(Self {
             open: OpenStroke::new(index.gaussians(), radius).with_depth_limit(stroke.depth_limit(index.bounds())),
+            hits: 0,
             hit_clusters: vec![false; if stroke.mode == Mode::Cluster { index.clusters() } else { 0 }],
             mask: session.mask().clone(),
             stroke: Stroke { points: Vec::new(), pressure: Vec::new(), ..stroke.clone() },
@@ -67,9 +70,10 @@ impl Preview {
                 true => self.open.extend_with_pressure(index.brush(), at, factor),
                 false => self.open.extend(index.brush(), at),
             };
-            new.extend_from_slice(hits);
+            new.extend(hits.iter().copied().filter(|g| index.has(*g)));
             self.stroke.pressure.extend(pressed.then_some(factor));
         }
+        self.hits += new.len();
         self.stroke.points.extend_from_slice(samples);
         let mut changed = match self.stroke.mode {
             Mode::Point => self.set_all(&new, self.stroke.kind == Kind::Foreground),
@@ -95,7 +99,7 @@ impl Preview {
     /// Number of Gaussians under the stroke so far.
     #[must_use]
     pub fn hits(&self) -> usize {
-        self.open.hits().len()
+        self.hits
     }
 
     /// The stroke so far.

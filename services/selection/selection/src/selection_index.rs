@@ -6,6 +6,7 @@ use glam::DVec3;
 use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::Clustering;
 use sg_clusters::geometry::Geometry;
+use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_walk::WalkError;
 use sg_walk::elimination::Elimination;
@@ -27,12 +28,14 @@ pub use walk_options::{Background, WalkOptions, WalkOptionsError};
 /// A scene prepared for selections: brush, clusters, walk graph and operations.
 pub struct SelectionIndex {
     bounds: SceneBox,
-    brush: Brush,
-    /// Cluster of each Gaussian.
+    brush: Arc<Brush>,
+    /// Gaussians that no stroke hits, no operation finds and no walk crosses.
+    deleted: Arc<Mask>,
+    /// Cluster of each Gaussian; `None` for deleted ones.
     labels: Arc<[Option<u32>]>,
     clusters: ClusterMembers,
     walks: WalkIndex,
-    operation_context: Option<OperationContext>,
+    operation_context: Option<Arc<OperationContext>>,
 }
 
 impl std::fmt::Debug for SelectionIndex {
@@ -57,7 +60,8 @@ impl SelectionIndex {
         let labels = optional(&clustering.labels);
         Self {
             bounds: scene.bounds,
-            brush: Brush::of_scene(scene),
+            brush: Arc::new(Brush::of_scene(scene)),
+            deleted: Arc::new(Mask::empty(scene.len())),
             clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_clusters(scene, clustering, graph, Arc::clone(&labels), options),
             labels,
@@ -77,7 +81,8 @@ impl SelectionIndex {
         let labels = optional(&clustering.labels);
         Self {
             bounds: scene.bounds,
-            brush: Brush::of_geometry(geometry),
+            brush: Arc::new(Brush::of_geometry(geometry)),
+            deleted: Arc::new(Mask::empty(scene.len())),
             clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_gaussians(scene, geometry, options),
             labels,
@@ -88,13 +93,43 @@ impl SelectionIndex {
     /// The same index with the context that operations need.
     #[must_use]
     pub fn with_operation_context(self, operation_context: OperationContext) -> Self {
-        Self { operation_context: Some(operation_context), ..self }
+        Self { operation_context: Some(Arc::new(operation_context)), ..self }
+    }
+
+    /// The index of the same scene without some Gaussians. They have no cluster, no stroke hits them, and no operation finds
+    /// them. A walk does not cross a cluster that is wholly deleted. Clusters and indices stay.
+    ///
+    /// This index must be that of the whole scene: what an earlier deletion took is not known any more.
+    #[must_use]
+    pub fn without(&self, deleted: &Arc<Mask>) -> Self {
+        let labels: Arc<[Option<u32>]> =
+            self.labels.iter().enumerate().map(|(g, label)| label.filter(|_| !deleted.get(g))).collect();
+        Self {
+            bounds: self.bounds,
+            brush: Arc::clone(&self.brush),
+            deleted: Arc::clone(deleted),
+            clusters: ClusterMembers::new(labels.iter().copied(), self.clusters.count()),
+            walks: self.walks.without(deleted),
+            labels,
+            operation_context: self.operation_context.clone(),
+        }
+    }
+
+    /// Gaussians that this index leaves out.
+    #[must_use]
+    pub fn deleted(&self) -> &Arc<Mask> {
+        &self.deleted
+    }
+
+    /// Whether a Gaussian is not deleted.
+    pub(crate) fn has(&self, gaussian: u32) -> bool {
+        !self.deleted.get(gaussian as usize)
     }
 
     /// The context of operations, if there is one.
     #[must_use]
     pub fn operation_context(&self) -> Option<&OperationContext> {
-        self.operation_context.as_ref()
+        self.operation_context.as_deref()
     }
 
     /// Number of Gaussians.
@@ -151,19 +186,20 @@ impl SelectionIndex {
         self.walks.unit_of_node(node)
     }
 
-    /// Gaussians under a stroke, ascending. A walk stroke that hits no Gaussian returns the nearest one.
+    /// Gaussians under a stroke, ascending. A walk stroke that hits no Gaussian returns the nearest one, unless that is deleted.
     #[must_use]
     pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
         let (samples, radius) = stroke.in_scene(&self.bounds);
         let limit = stroke.depth_limit(&self.bounds);
-        let hits = self.brush.hits_with_depth_limit(&samples, radius, &stroke.pressure, limit);
+        let mut hits = self.brush.hits_with_depth_limit(&samples, radius, &stroke.pressure, limit);
+        hits.retain(|g| self.has(*g));
         if hits.is_empty() { self.hits_of_miss(stroke, &samples) } else { hits }
     }
 
     /// The hits of a stroke without a Gaussian in its tube: the nearest Gaussian for walks, none otherwise.
     pub(crate) fn hits_of_miss(&self, stroke: &Stroke, samples: &[DVec3]) -> Vec<u32> {
         match stroke.mode {
-            Mode::Walk => self.brush.nearest(samples).into_iter().collect(),
+            Mode::Walk => self.brush.nearest(samples).filter(|g| self.has(*g)).into_iter().collect(),
             _ => Vec::new(),
         }
     }

@@ -164,7 +164,7 @@ impl SelectionSession {
     /// [`SelectionError`]; the selection is then unchanged.
     pub fn add_open_stroke(&mut self, stroke: Stroke, open: &OpenStroke) -> Result<usize, SelectionError> {
         stroke.check().map_err(StepError::from)?;
-        let mut hits = open.hits().to_vec();
+        let mut hits: Vec<u32> = open.hits().iter().copied().filter(|g| self.index.has(*g)).collect();
         hits.sort_unstable();
         if hits.is_empty() {
             let (samples, _) = stroke.in_scene(self.index.bounds());
@@ -412,10 +412,13 @@ fn apply(index: &SelectionIndex, mask: &mut Mask, applied: &AppliedStep) -> Resu
         Step::Stroke(stroke) => stroke,
         Step::Operation(operation) => {
             let context = index.operation_context().ok_or(SelectionError::NoOperationContext)?;
-            return Ok(context.apply(operation, mask)?);
+            context.apply(operation, mask)?;
+            mask.subtract(index.deleted());
+            return Ok(());
         }
         Step::FixedMask(fixed) => {
             mask.union_with(fixed);
+            mask.subtract(index.deleted());
             return Ok(());
         }
         Step::Exclude(excluded) => {

@@ -24,7 +24,7 @@ use sg_runtime::progress;
 use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use sg_scene::mask::Mask;
 use sg_selection::preview::{Preview, differing};
-use sg_selection::selection_index::WalkOptions;
+use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::{SelectionError, SelectionSession};
 use sg_selection::steps::Step;
 use sg_selection::strokes::Stroke;
@@ -87,7 +87,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 
     let selector = Selector {
         bus: host.bus().clone(),
-        session: SelectionSession::new(prepared.index),
+        session: SelectionSession::new(Arc::clone(&prepared.index)),
+        whole: prepared.index,
         scene,
         open: None,
         answered: 0,
@@ -139,12 +140,16 @@ struct OpenStroke {
     name: String,
     /// Hash of the selection below the stroke.
     over: String,
+    /// Gaussians that were deleted then.
+    deleted: Arc<Mask>,
     preview: Preview,
 }
 
 /// The actor of the selection. It handles one request at a time.
 struct Selector {
     bus: Bus,
+    /// The index of the scene as it was opened, without deletions.
+    whole: Arc<SelectionIndex>,
     session: SelectionSession,
     scene: SceneReplica<Replica>,
     open: Option<OpenStroke>,
@@ -289,10 +294,23 @@ impl Selector {
             // A selection without steps, for example by name.
             steps.push(Step::FixedMask(Mask::clone(selection.mask())));
         }
-        if self.session.steps().eq(&steps) {
+        let index = self.index_of(state);
+        if Arc::ptr_eq(&index, self.session.index()) && self.session.steps().eq(&steps) {
             return Ok(self.session.clone());
         }
-        SelectionSession::of_steps(self.session.index(), &steps).map_err(|e| Fault::internal(e.to_string()))
+        SelectionSession::of_steps(&index, &steps).map_err(|e| Fault::internal(e.to_string()))
+    }
+
+    /// The index without the Gaussians that are deleted in `state`: that of the session, unless others are deleted now.
+    fn index_of(&self, state: &EditState) -> Arc<SelectionIndex> {
+        let (index, deleted) = (self.session.index(), state.deleted());
+        if is_same(index.deleted(), deleted) {
+            Arc::clone(index)
+        } else if deleted.is_none() {
+            Arc::clone(&self.whole)
+        } else {
+            Arc::new(self.whole.without(deleted))
+        }
     }
 
     /// Updates the session to the scene's selection and adds the new steps. On an error nothing changes.
@@ -304,8 +322,7 @@ impl Selector {
         (restart, include_hidden): (bool, bool),
         steps: &[Step],
     ) -> Result<(), Fault> {
-        let mut session =
-            if restart { SelectionSession::new(Arc::clone(self.session.index())) } else { self.present(state)? };
+        let mut session = if restart { SelectionSession::new(self.index_of(state)) } else { self.present(state)? };
         let start = Instant::now();
         for step in steps {
             session.add_step(step.clone()).map_err(refusal)?;
@@ -336,7 +353,10 @@ impl Selector {
         let stroke = wire::decode_stroke(samples)?;
         let state = self.local_state();
         let over = state.selection().hash();
-        let goes_on = self.open.as_ref().is_some_and(|o| o.name == request.stroke && o.over == over);
+        let goes_on = self
+            .open
+            .as_ref()
+            .is_some_and(|o| o.name == request.stroke && o.over == over && is_same(&o.deleted, state.deleted()));
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
             // The selection below has changed: replay the stroke over the new one.
@@ -346,7 +366,8 @@ impl Selector {
                 let Stroke { points, pressure, .. } = earlier.preview.stroke();
                 preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
             }
-            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), preview });
+            let deleted = Arc::clone(state.deleted());
+            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), deleted, preview });
             self.session = session;
         }
         let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
@@ -449,7 +470,8 @@ impl Selector {
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
         let selected = self.session.mask().count();
-        let mut line = format!("{selected} of {} Gaussians selected", self.session.mask().len());
+        let existing = self.session.mask().len() - self.session.index().deleted().count();
+        let mut line = format!("{selected} of {existing} Gaussians selected");
         if summary.conflicts > 0 {
             line.push_str(&format!("; {} clusters were brushed both ways", summary.conflicts));
         }
@@ -474,7 +496,14 @@ fn hidden(state: &EditState, kept: Option<&Mask>) -> Mask {
         hidden.union_with(kept);
     }
     hidden.invert();
+    // A selection leaves out deleted ones anyway.
+    hidden.subtract(state.deleted());
     hidden
+}
+
+/// Whether two masks have the same Gaussians; quick where they are one.
+fn is_same(a: &Arc<Mask>, b: &Arc<Mask>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
 }
 
 /// The fault of a rejected step.

@@ -56,9 +56,8 @@ pub(super) const CLEAR_SELECTION: Command = Command {
         "clear the selection | clear selection | clear my selection | deselect | deselect all | \
              deselect everything | deselect it all | unselect | unselect all | unselect everything | \
              select nothing | select none | drop the selection | cancel the selection | \
-             empty the selection | remove the selection | discard the selection | \
-             forget the selection | reset the selection | delete the selection | \
-             erase the selection | deselect the selection",
+             empty the selection | remove the selection | \
+             forget the selection | reset the selection | deselect the selection",
         complete,
     )],
     examples: &["clear the selection", "deselect"],

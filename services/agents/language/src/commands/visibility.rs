@@ -74,9 +74,9 @@ pub(super) const HIDE: Command = Command {
 
 /// Parses a target at the end of the clause.
 fn target(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    // "remove the sac" hides it; "remove the unit sac" deletes the unit.
+    // "remove the sac" hides it; "remove the unit sac" removes the name.
     let mut at = *input;
-    let unit: Outcome<_> = (article, exactly("unit | label")).parse_next(&mut at);
+    let unit: Outcome<_> = (article, exactly("unit | label | name")).parse_next(&mut at);
     if matches!(verb.phrase, "remove" | "get rid of") && unit.is_ok() {
         return Err(EmptyError);
     }

@@ -1,6 +1,7 @@
 //! Commands on a small scene: effects, refusals, and properties of any sequence.
 
 mod commands;
+mod deletion;
 mod edited;
 mod properties;
 
@@ -9,7 +10,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Color, Command, CommitSelection, SaveUnit, SetColor, SetOpacity, SetVisibility, ShowOnly, Target,
+    Color, Command, CommitSelection, DeleteGaussians, RestoreGaussians, SaveUnit, SetColor, SetOpacity, SetVisibility,
+    ShowOnly, Target,
 };
 
 use super::wire::encode_mask;
@@ -70,6 +72,14 @@ fn only(target: Target) -> Action {
 fn commit(members: impl Fn(usize) -> bool) -> Action {
     let mask = Some(encode_mask(&Mask::from_fn(60, members)));
     Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() })
+}
+
+fn delete(target: Target) -> Action {
+    Action::DeleteGaussians(DeleteGaussians { target: Some(target) })
+}
+
+fn restore() -> Action {
+    Action::RestoreGaussians(RestoreGaussians {})
 }
 
 fn save(name: &str) -> Action {

@@ -43,6 +43,8 @@ fn action() -> impl Strategy<Value = Action> {
         2 => (0_usize..60, 0_usize..60).prop_map(|(a, n)| commit(move |i| (a..a + n).contains(&i))),
         2 => (on(), -1..6_i32).prop_map(|(target, operation)| Action::Select(Select { target, operation })),
         3 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
+        2 => on().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
+        1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
         1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
         1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
         2 => (0_u32..4).prop_map(|steps| Action::Undo(Undo { steps })),
@@ -74,6 +76,12 @@ fn members(state: &EditState, target: &Target) -> Option<Mask> {
     state.resolve(Some(target)).ok().map(|r| r.members)
 }
 
+/// The Gaussians whose look a command promises something about.
+fn existing(state: &EditState) -> impl Iterator<Item = usize> {
+    let deleted = std::sync::Arc::clone(state.deleted());
+    (0..60).filter(move |i| !deleted.get(*i))
+}
+
 /// Saved units that hide Gaussian `i`.
 fn hidden_by_saved(state: &EditState, i: usize) -> bool {
     state.units().any(|u| !u.derived && !u.visible && u.mask.get(i))
@@ -82,6 +90,26 @@ fn hidden_by_saved(state: &EditState, i: usize) -> bool {
 /// The effects of commands, checked for each Gaussian.
 fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Result<(), TestCaseError> {
     match action {
+        Action::DeleteGaussians(a) => {
+            let members = members(before, &a.target.clone().unwrap_or_default()).unwrap();
+            for i in existing(before) {
+                prop_assert_eq!(after.deleted().get(i), members.get(i), "{}", i);
+                prop_assert!(members.get(i) || drawn(after, i) == drawn(before, i), "{}", i);
+                prop_assert_eq!(
+                    after.selection().mask().get(i),
+                    before.selection().mask().get(i) && !members.get(i),
+                    "{}",
+                    i
+                );
+            }
+            prop_assert!(before.deleted().is_subset_of(after.deleted()));
+        }
+        Action::RestoreGaussians(_) => {
+            prop_assert!(after.deleted().is_none() && after.existing_count() == 60);
+            for i in existing(before) {
+                prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
+            }
+        }
         Action::ShowOnly(a) => {
             let target = a.target.clone().unwrap_or_default();
             let members = members(before, &target).unwrap();
@@ -112,7 +140,7 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         Action::SetOpacity(a) if !a.relative => {
             let target = a.target.clone().unwrap_or_default();
             let resolved = before.resolve(Some(&target)).unwrap();
-            for i in 0..60 {
+            for i in existing(before) {
                 let unnamed = resolved.unnamed.as_ref().is_some_and(|m| m.get(i));
                 if unnamed {
                     // The factor of the base unit and of saved units stays; derived units say this and nothing else.
@@ -128,7 +156,7 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         Action::SetColor(a) => {
             let target = a.target.clone().unwrap_or_default();
             let resolved = before.resolve(Some(&target)).unwrap();
-            for i in 0..60 {
+            for i in existing(before) {
                 let (was, is) = (drawn(before, i), drawn(after, i));
                 if let (true, Some(c)) = (resolved.unnamed.as_ref().is_some_and(|m| m.get(i)), &a.color) {
                     prop_assert_eq!(is.color, Some(crate::wire::decode_color(c)));
@@ -151,6 +179,15 @@ fn check_state(state: &EditState) -> Result<(), TestCaseError> {
         prop_assert!(!unit.derived || !(unit.is_neutral() || unit.mask.is_none()), "{} says nothing", unit.name);
         prop_assert_eq!(state.find(&unit.name), Ok(UnitRef::Editable(unit.id)));
     }
+    prop_assert!(!state.selection().mask().intersects(state.deleted()), "a deleted Gaussian is selected");
+    for (name, unit) in state.names() {
+        prop_assert!(!state.members(unit).intersects(state.deleted()), "{name} has deleted Gaussians");
+    }
+    for unit in state.units() {
+        prop_assert!(unit.deleted.as_ref().is_none_or(|gone| gone.is_subset_of(state.deleted())), "{}", unit.name);
+    }
+    prop_assert_eq!(state.existing_count(), 60 - state.deleted().count());
+    prop_assert!(state.deleted().ones().all(|i| !drawn(state, i).visible), "a deleted Gaussian is drawn");
     for name in state.focus() {
         prop_assert!(state.find(name).is_ok(), "{} is in focus and gone", name);
     }

@@ -6,7 +6,10 @@ use std::sync::Arc;
 use sg_proto::bus::Code;
 use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{ChangesRequest, Color, Command, Redo, SaveUnit, Select, SetBackground, SetColor, Target, Undo};
+use sg_proto::scene::{
+    ChangesRequest, Color, Command, DeleteGaussians, Redo, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor,
+    Target, Undo,
+};
 
 use super::retention::{RECENT_CHANGES, RESULTS_KEPT};
 use super::{CHECKPOINT_EVERY, JournalError, copy, describe, is_in_use};
@@ -391,6 +394,51 @@ fn pages_of_a_long_history_are_given_back() {
 fn golden_scene() -> Arc<Scene> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/spiral.ply");
     Arc::new(sg_formats::load(&file, &sg_formats::LoadOptions::default()).unwrap().scene)
+}
+
+#[test]
+fn a_restart_keeps_what_is_deleted_and_its_way_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    let target = Some(Target { selection: true, ..Target::default() });
+    let replica = Replica::from_snapshot(&project.editor().message(true)).unwrap();
+    for command in [
+        select("one", "skin"),
+        act("two", Action::SaveUnit(SaveUnit { name: "mine".into(), replace: false })),
+        act("three", Action::DeleteGaussians(DeleteGaussians { target })),
+    ] {
+        project.apply(&command).unwrap();
+    }
+    let deleted = project.editor().message(true);
+    assert_eq!(project.editor().state().existing_count(), 700);
+    drop(project);
+    // From single commands.
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), deleted);
+    // A reader that was away gets there by the events.
+    let missed = project.changes(&ChangesRequest { from: 0, snapshot: false }).unwrap();
+    let mut reader = replica;
+    missed.events.iter().for_each(|event| reader.apply(event).unwrap());
+    assert_eq!(reader.state().as_ref(), project.editor().state());
+    // From a checkpoint.
+    for n in 0..2 * CHECKPOINT_EVERY as u32 {
+        project.apply(&background(n)).unwrap();
+    }
+    let before = project.editor().message(true);
+    drop(project);
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), before);
+    assert_eq!(project.editor().state().existing_count(), 700);
+    project.apply(&act("four", Action::RestoreGaussians(RestoreGaussians {}))).unwrap();
+    let state = project.editor().state();
+    let mine = state.units().find(|u| u.name == "mine").map(|u| u.mask.count());
+    assert_eq!((state.existing_count(), mine), (1000, Some(300)));
+    // Undo reaches the deletion itself.
+    let steps = 2 * CHECKPOINT_EVERY as u32 + 2;
+    project.apply(&act("five", Action::Undo(Undo { steps }))).unwrap();
+    let state = project.editor().state();
+    assert_eq!((state.existing_count(), state.selection().mask().count()), (1000, 300));
 }
 
 #[test]

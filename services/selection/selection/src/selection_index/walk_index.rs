@@ -7,6 +7,7 @@ use sg_clusters::cluster_graph::{ClusterGraph, gaussian_network};
 use sg_clusters::clustering::Clustering;
 use sg_clusters::geometry::Geometry;
 use sg_clusters::neighbours::{Edge, Graph};
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_walk::elimination::Elimination;
 use sg_walk::multilevel::{Boundary, Multilevel, Quality};
@@ -70,14 +71,14 @@ pub(super) struct WalkIndex {
     pub(super) network: Arc<Network>,
     /// Number of Gaussians of each cluster. Empty if nodes are Gaussians.
     mass: Vec<f64>,
-    /// Normalized position of the central Gaussian of each cluster. Empty if nodes are Gaussians.
-    centres: Vec<Option<[f64; 3]>>,
+    /// The central Gaussian of each cluster and its normalized position. Empty if nodes are Gaussians.
+    centres: Vec<Option<(u32, [f64; 3])>>,
     order: Option<PermOwnedI<u32>>,
     /// Initial elimination, for walks that are eliminated in f64.
     elimination: Option<Elimination>,
     /// Iterative solver, for walks on many Gaussians.
     pub(super) multilevel: Option<Multilevel>,
-    solver: Box<dyn SystemSolver + Send + Sync>,
+    solver: Arc<dyn SystemSolver + Send + Sync>,
     options: WalkOptions,
     /// Present if the options ask for the farthest rule.
     farthest: Option<FarthestRule>,
@@ -107,14 +108,14 @@ impl WalkIndex {
             centres: clustering
                 .clusters
                 .iter()
-                .map(|c| scene.position(c.centre as usize).map(|p| scene.bounds.normalize(p).to_array()))
+                .map(|c| scene.position(c.centre as usize).map(|p| (c.centre, scene.bounds.normalize(p).to_array())))
                 .collect(),
             elimination: (options.solver == Solver::Gth && options.precision == Precision::F64)
                 .then(|| Elimination::new(&network, order.as_ref())),
             network: Arc::new(network),
             order,
             multilevel: None,
-            solver,
+            solver: solver.into(),
             options,
             farthest,
         }
@@ -155,8 +156,43 @@ impl WalkIndex {
             network,
             order: None,
             multilevel,
-            solver: Box::new(gth::Gth64),
+            solver: Arc::new(gth::Gth64),
             options,
+            farthest,
+        }
+    }
+
+    /// The same graph without deleted Gaussians. A node without a Gaussian keeps its number and loses its edges, so that no walk
+    /// crosses it.
+    pub(super) fn without(&self, deleted: &Mask) -> Self {
+        let nodes: Arc<[Option<u32>]> =
+            self.nodes.iter().enumerate().map(|(g, node)| node.filter(|_| !deleted.get(g))).collect();
+        let mut mass = vec![0.0_f64; self.len()];
+        nodes.iter().flatten().for_each(|node| mass[*node as usize] += 1.0);
+        let remains = |node: u32| mass[node as usize] > 0.0;
+        let count = self.len() as u32;
+        let links = (0..count).filter(|u| remains(*u)).flat_map(|u| {
+            self.network.links(u).filter(move |(v, _)| u < *v && remains(*v)).map(move |(v, w)| (u, v, w))
+        });
+        let network = Arc::new(Network::new(self.len(), links));
+        let order = self.order.as_ref().map(|_| minimum_degree(network.adjacency()));
+        let farthest = self.farthest.as_ref().map(|rule| {
+            let edges = rule.graph.edges().filter(|e| remains(e.a) && remains(e.b));
+            FarthestRule { graph: Graph::from_edges(self.len(), edges), component: rule.component.clone() }
+        });
+        let centres = self.centres.iter().map(|c| c.filter(|(g, _)| !deleted.get(*g as usize))).collect();
+        Self {
+            nodes,
+            node_unit: self.node_unit.clone(),
+            units: self.units,
+            mass: if self.mass.is_empty() { Vec::new() } else { mass },
+            centres,
+            elimination: self.elimination.as_ref().map(|_| Elimination::new(&network, order.as_ref())),
+            multilevel: self.multilevel.as_ref().map(|_| Multilevel::new(Arc::clone(&network), Precision::F32)),
+            network,
+            order,
+            solver: Arc::clone(&self.solver),
+            options: self.options,
             farthest,
         }
     }
@@ -182,7 +218,7 @@ impl WalkIndex {
     }
 
     pub(super) fn centre(&self, node: usize) -> Option<[f64; 3]> {
-        self.centres.get(node).copied().flatten()
+        self.centres.get(node).copied().flatten().map(|(_, position)| position)
     }
 
     pub(super) fn active(&self, units: &[bool]) -> Vec<bool> {

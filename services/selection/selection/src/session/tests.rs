@@ -370,3 +370,71 @@ proptest! {
         }
     }
 }
+
+/// A row of points along x: its middle is deleted, so that two ends remain.
+fn cut_row() -> (Scene, Arc<SelectionIndex>, Arc<Mask>) {
+    let points: Vec<_> = (0..600_u16).map(|k| [f32::from(k), f32::from(k % 3), f32::from(k % 2)]).collect();
+    let scene = point_scene(&points);
+    let (space, _) = made(&scene, 60, WalkOptions { leak: 0.0, ..WalkOptions::default() });
+    (scene, space, Arc::new(Mask::from_fn(600, |g| (200..400).contains(&g))))
+}
+
+#[test]
+fn no_walk_crosses_deleted_gaussians_and_nothing_selects_them() {
+    let (_, space, deleted) = cut_row();
+    let walk = |space: &Arc<SelectionIndex>| {
+        let mut session = SelectionSession::new(Arc::clone(space));
+        session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.01, vec![[0.05, 0.5, 0.5]])).unwrap();
+        session
+    };
+    assert_eq!(walk(&space).mask().count(), 600, "without a leak the whole row belongs to the stroke");
+    let cut = Arc::new(space.without(&deleted));
+    let mut session = walk(&cut);
+    assert_eq!(session.mask().ones().collect::<Vec<_>>(), (0..200).collect::<Vec<_>>());
+    // Neither strokes nor operations nor masks find what is deleted.
+    let middle = vec![[0.3, 0.5, 0.5], [0.7, 0.5, 0.5]];
+    for mode in [Mode::Point, Mode::Cluster, Mode::Walk] {
+        session.add_stroke(stroke(mode, Kind::Foreground, 0.1, middle.clone())).unwrap();
+        assert!(!session.mask().intersects(&deleted), "{mode:?}");
+    }
+    assert_eq!(session.mask().count(), 400, "the strokes reach both ends");
+    session.add_step(Operation::Invert.into()).unwrap();
+    assert!(session.mask().is_none());
+    session.add_step(Step::FixedMask(Mask::full(600))).unwrap();
+    assert_eq!(session.mask().count(), 400);
+    session.add_step(Operation::Grow { distance: 0.5 }.into()).unwrap();
+    assert!(!session.mask().intersects(&deleted));
+    // The list of steps makes the same selection at once, and the index of the whole scene is as it was.
+    let steps: Vec<Step> = session.steps().cloned().collect();
+    assert_eq!(SelectionSession::of_steps(&cut, &steps).unwrap().mask(), session.mask());
+    assert_eq!(walk(&space).mask().count(), 600);
+}
+
+#[test]
+fn a_preview_over_deleted_gaussians_is_what_the_stroke_selects() {
+    let (_, space, deleted) = cut_row();
+    let cut = Arc::new(space.without(&deleted));
+    for mode in [Mode::Point, Mode::Cluster, Mode::Walk] {
+        let session = SelectionSession::new(Arc::clone(&cut));
+        let drawn = stroke(mode, Kind::Foreground, 0.1, Vec::new());
+        let mut preview = crate::preview::Preview::begin(&session, &drawn).unwrap();
+        preview.extend(&[[0.3, 0.5, 0.5]], &[]).unwrap();
+        preview.extend(&[[0.5, 0.5, 0.5]], &[]).unwrap();
+        assert_eq!(preview.mask(), &session.preview(preview.stroke().clone()).unwrap(), "{mode:?}");
+        assert!(preview.hits() > 0 && !preview.mask().intersects(&deleted), "{mode:?}");
+    }
+}
+
+#[test]
+fn an_index_without_deletions_is_that_of_the_scene() {
+    let scene = point_scene(&random_points(1500, 9));
+    let (space, _) = made(&scene, 60, WalkOptions::default());
+    let same = Arc::new(space.without(&Arc::new(Mask::empty(1500))));
+    let walk = |space: &Arc<SelectionIndex>| {
+        let mut session = SelectionSession::new(Arc::clone(space));
+        session.add_stroke(stroke(Mode::Walk, Kind::Foreground, 0.1, vec![[0.2; 3]])).unwrap();
+        session.add_stroke(stroke(Mode::Walk, Kind::Background, 0.1, vec![[0.8; 3]])).unwrap();
+        (session.mask().clone(), session.proposals(3))
+    };
+    assert_eq!(walk(&same), walk(&space));
+}
