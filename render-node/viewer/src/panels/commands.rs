@@ -2,9 +2,10 @@
 
 use egui::Ui;
 use glam::Vec3;
-use sg_edit::wire::encode_color;
+use sg_edit::wire::{encode_axis, encode_color};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view};
+use sg_scene::orientation::Axis;
 
 use super::output::{Draft, Output};
 use super::panel::Panel;
@@ -43,6 +44,11 @@ pub(super) fn show_only(name: &str) -> Action {
 /// Frames a target from the present direction.
 pub(super) fn focus(target: Target) -> Action {
     Action::SetView(SetView { change: Some(set_view::Change::Focus(target)) })
+}
+
+/// Turns a direction of the scene up; `None` for the file's own.
+pub(crate) fn turn_up(up: Option<Axis>) -> Action {
+    Action::SetView(SetView { change: Some(set_view::Change::Up(encode_axis(up).into())) })
 }
 
 /// Frames the selection from the present direction.

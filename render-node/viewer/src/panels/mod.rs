@@ -62,7 +62,7 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
-pub(crate) use commands::frame_selection;
+pub(crate) use commands::{frame_selection, turn_up};
 pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::{Dock, Panel, RoomPlace};

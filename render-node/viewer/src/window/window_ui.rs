@@ -30,7 +30,9 @@ use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,
 };
-use crate::panels::{DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, frame_selection, theme};
+use crate::panels::{
+    DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, frame_selection, theme, turn_up,
+};
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::attributes::Attribute;
@@ -237,6 +239,9 @@ impl WindowUi {
                 &self.tools,
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
+            let orientation = self.scene.orientation.with_up(state.scene.up());
+            self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
+            self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
         });
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
@@ -399,7 +404,19 @@ impl WindowUi {
                 self.line = "nothing is selected; brush something first".to_owned();
             }
             Action::FrameSelection if scene => requests.push(change(frame_selection())),
-            Action::Undo | Action::Redo | Action::Clear | Action::Invert | Action::FrameSelection => {
+            Action::NextUp | Action::Flip if scene => {
+                let up = self.scene.orientation.with_up(state.scene.up()).up();
+                let up = if action == Action::Flip { up.opposite() } else { up.next() };
+                requests.push(change(turn_up(Some(up))));
+                self.line = format!("{} is up", up.name());
+            }
+            Action::Undo
+            | Action::Redo
+            | Action::Clear
+            | Action::Invert
+            | Action::FrameSelection
+            | Action::NextUp
+            | Action::Flip => {
                 self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {
