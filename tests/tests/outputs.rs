@@ -181,6 +181,8 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--report", "picture.png"],
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--report", VOLUME],
                 &["fit", "short.raw", "--initial-only", "--keep-in", "new"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--spacing", "0,1,1"],
+                &["fit", "picture.png", "--initial-only", "--out", "new", "--spacing", "1,1,1"],
             ],
         ),
         ("conformance", vec![&["conformance", "no-such-role", "./missing"]]),
@@ -273,7 +275,8 @@ fn a_refused_command_has_changed_nothing() {
     assert_eq!(commands(&place), known, "every command needs its row of refused runs");
     let before = place.contents();
     // A volume is fitted before a window opens.
-    let on_display: [&[&str]; 2] = [&["open", "short.raw"], &["demo", "short.raw", "--out", "new"]];
+    let on_display: [&[&str]; 3] =
+        [&["open", "short.raw"], &["open", "good.ply", "--spacing", "1,1,1"], &["demo", "short.raw", "--out", "new"]];
     let with = |display| move |arguments: &&'static [&'static str]| (display, *arguments);
     let all = runs.values().flatten().map(with("")).chain(on_display.iter().map(with(":4711")));
     for (display, arguments) in all {

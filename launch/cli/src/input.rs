@@ -73,14 +73,20 @@ impl Input {
             Self::Volume(path) => path.clone(),
             Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
         };
-        fit(&volume, FitTo::Folder(&out.join("scene")), function, gaussians, seed)
+        fit(&volume, FitTo::Folder(&out.join("scene")), function, None, gaussians, seed)
     }
 
     /// The scene of a scene file or of a volume. That of a volume is kept where the user's projects are, so it is made once.
     ///
     /// The Gaussians are the same each time, so that earlier edits fit.
-    pub(crate) fn kept_scene(&self, function: Option<&Path>) -> Result<Scene, Failure> {
+    ///
+    /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them.
+    pub(crate) fn kept_scene(&self, function: Option<&Path>, spacing: Option<&str>) -> Result<Scene, Failure> {
         let volume = match self {
+            Self::Scene(path) if spacing.is_some() => {
+                let what = "--spacing is for raw volumes, and this is a scene; leave it out";
+                return Err(Failure::Input(format!("{}: {what}", path.display())));
+            }
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path,
             Self::Synthetic => return Err(Failure::Input("name a volume or a scene".to_owned())),
@@ -89,7 +95,7 @@ impl Input {
         let folder = places.get("scenes").and_then(Value::as_str);
         let folder =
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
-        fit(volume, FitTo::Kept(Path::new(folder)), function, GAUSSIANS, 0)
+        fit(volume, FitTo::Kept(Path::new(folder)), function, spacing, GAUSSIANS, 0)
     }
 }
 
@@ -121,10 +127,17 @@ fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64
     };
     let own = file("transfer_function")?;
     let to = out.join("scene");
-    fit(&file("volume")?, FitTo::Folder(&to), Some(function.unwrap_or(&own)), gaussians, seed)
+    fit(&file("volume")?, FitTo::Folder(&to), Some(function.unwrap_or(&own)), None, gaussians, seed)
 }
 
-fn fit(volume: &Path, to: FitTo<'_>, function: Option<&Path>, gaussians: u32, seed: u64) -> Result<Scene, Failure> {
+fn fit(
+    volume: &Path,
+    to: FitTo<'_>,
+    function: Option<&Path>,
+    spacing: Option<&str>,
+    gaussians: u32,
+    seed: u64,
+) -> Result<Scene, Failure> {
     let (option, folder) = match to {
         FitTo::Folder(folder) => ("--out", folder),
         FitTo::Kept(folder) => ("--keep-in", folder),
@@ -144,6 +157,9 @@ fn fit(volume: &Path, to: FitTo<'_>, function: Option<&Path>, gaussians: u32, se
     ];
     if let Some(function) = function {
         arguments.extend(["--transfer-function".as_ref(), function.as_os_str()]);
+    }
+    if let Some(spacing) = spacing {
+        arguments.extend::<[&std::ffi::OsStr; 2]>(["--spacing".as_ref(), spacing.as_ref()]);
     }
     terminal::print_status(&format!("placing Gaussians in {}", volume.display()));
     let report = fit_command(&arguments)?;

@@ -21,14 +21,22 @@ pub(crate) struct OpenArgs {
     /// Volume or scene
     #[arg(value_name = "VOLUME|SCENE")]
     path: PathBuf,
+    /// Millimetres between the voxels of a raw volume along x, y and z
+    #[arg(long, value_name = "X,Y,Z")]
+    spacing: Option<String>,
 }
 
 pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> CommandResult {
-    open_path(&arguments.path, None, session_name).await
+    open_path(&arguments.path, None, arguments.spacing.as_deref(), session_name).await
 }
 
 /// Opens a scene or a volume with one of its projects, by default its own one.
-pub(crate) async fn open_path(path: &Path, project: Option<&Path>, session_name: Option<&str>) -> CommandResult {
+pub(crate) async fn open_path(
+    path: &Path,
+    project: Option<&Path>,
+    spacing: Option<&str>,
+    session_name: Option<&str>,
+) -> CommandResult {
     let input = Input::of(Some(path))?;
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
@@ -41,7 +49,7 @@ pub(crate) async fn open_path(path: &Path, project: Option<&Path>, session_name:
     let is_new = !session.path().exists();
     session.create()?;
     let lock = Lock::take(&session)?;
-    let scene = match scene_of(&input) {
+    let scene = match scene_of(&input, spacing) {
         Ok(scene) => scene,
         Err(refused) => {
             lock.remove(is_new);
@@ -65,10 +73,10 @@ pub(crate) async fn open_path(path: &Path, project: Option<&Path>, session_name:
     outcome(Supervisor::open(stack).await?.run().await?)
 }
 
-fn scene_of(input: &Input) -> Result<Scene, Failure> {
+fn scene_of(input: &Input, spacing: Option<&str>) -> Result<Scene, Failure> {
     let shipped = tempfile::tempdir().map_err(|e| Failure::Work(format!("no temporary folder: {e}; set TMPDIR")))?;
     let function = shipped::unpack(shipped.path(), input.shipped_name())?.transfer_function;
-    input.kept_scene(function.as_deref())
+    input.kept_scene(function.as_deref(), spacing)
 }
 
 /// The lock on a session while Gaussians are made, before a supervisor exists. The system frees it at the end of the

@@ -44,7 +44,7 @@ pub(crate) async fn projects(arguments: &ProjectsArgs, session_name: Option<&str
         }
         Some(ProjectsCommand::Open { name }) => {
             let (scene, project) = scene_of(name)?;
-            open::open_path(&scene, project.as_deref(), session_name).await
+            open::open_path(&scene, project.as_deref(), None, session_name).await
         }
     }
 }

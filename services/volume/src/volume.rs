@@ -1,8 +1,11 @@
 //! A volume: a grid and its values, as read.
 
+use glam::DVec3;
+
 use crate::field::Field;
-use crate::grid::Grid;
+use crate::grid::{Grid, GridError};
 use crate::scalars::Scalars;
+use crate::world_frame::{LengthUnit, WorldFrame};
 
 /// A scalar volume in the type the file had.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +13,7 @@ pub struct Volume {
     grid: Grid,
     scalars: Scalars,
     variable: Option<String>,
+    frame: WorldFrame,
 }
 
 /// The number of values does not match the grid.
@@ -29,10 +33,32 @@ impl Volume {
     /// [`ValueCount`] if the lengths differ.
     pub fn new(grid: Grid, scalars: Scalars, variable: Option<String>) -> Result<Self, ValueCount> {
         if scalars.len() == grid.len() {
-            Ok(Self { grid, scalars, variable })
+            Ok(Self { grid, scalars, variable, frame: WorldFrame::default() })
         } else {
             Err(ValueCount { values: scalars.len(), dims: grid.dims() })
         }
+    }
+
+    /// The same volume in a world frame that its file tells of.
+    #[must_use]
+    pub fn in_frame(self, frame: WorldFrame) -> Self {
+        Self { frame, ..self }
+    }
+
+    /// The same values with other lengths between voxels, in millimetres along x, y and z: for files without spacing.
+    ///
+    /// # Errors
+    /// [`GridError::Spacing`] unless all are finite and above 0.
+    pub fn with_spacing(self, spacing: DVec3) -> Result<Self, GridError> {
+        let grid = Grid::new(self.grid.dims(), spacing, self.grid.origin(), self.grid.direction())?;
+        let frame = WorldFrame { unit: Some(LengthUnit::Millimetre), ..self.frame };
+        Ok(Self { grid, frame, ..self })
+    }
+
+    /// The world frame, as far as the file tells it.
+    #[must_use]
+    pub fn frame(&self) -> WorldFrame {
+        self.frame
     }
 
     /// The grid of the voxels.
@@ -76,6 +102,19 @@ mod tests {
         let field = volume.to_field();
         for i in 0..8 {
             assert_eq!(field.raw(i), 4_000_000_000.0 + i as f64);
+        }
+    }
+
+    #[test]
+    fn a_given_spacing_makes_millimetres() {
+        let volume = Volume::new(Grid::unit([2, 2, 2]).unwrap(), vec![0_u8; 8].into(), None).unwrap();
+        assert_eq!(volume.frame(), WorldFrame::default());
+        let spaced = volume.clone().with_spacing(DVec3::new(0.5, 0.5, 1.25)).unwrap();
+        assert_eq!(spaced.grid().spacing(), DVec3::new(0.5, 0.5, 1.25));
+        assert_eq!(spaced.frame().unit, Some(LengthUnit::Millimetre));
+        assert_eq!(spaced.grid().to_world(DVec3::ONE), DVec3::new(0.5, 0.5, 1.25));
+        for bad in [DVec3::new(0.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::splat(f64::NAN)] {
+            assert!(volume.clone().with_spacing(bad).is_err(), "{bad}");
         }
     }
 

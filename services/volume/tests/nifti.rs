@@ -8,7 +8,10 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use sg_volume::{Limits, ReadError, ScalarType, Scalars, Volume, read_volume, read_volume_within};
+use sg_volume::{
+    LengthUnit, Limits, PatientFrame, ReadError, ScalarType, Scalars, Volume, WorldFrame, read_volume,
+    read_volume_within,
+};
 
 /// Appends numbers in one byte order.
 struct Bytes {
@@ -163,6 +166,18 @@ fn read(file: &File) -> Volume {
 /// The files of both versions in both byte orders.
 fn variants() -> [File; 4] {
     [(false, false), (false, true), (true, false), (true, true)].map(|(wide, big)| File::new(wide, big))
+}
+
+#[test]
+fn a_map_to_the_patient_makes_the_frame_ras_and_the_unit_is_the_header_s() {
+    let (ras, mm) = (Some(PatientFrame::Ras), Some(LengthUnit::Millimetre));
+    for mut file in variants() {
+        assert_eq!(read(&file).frame(), WorldFrame { patient: None, unit: mm });
+        file.codes[0] = 1;
+        assert_eq!(read(&file).frame(), WorldFrame { patient: ras, unit: mm }, "a qform");
+        (file.codes, file.srow) = ([0, 1], [2.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0]);
+        assert_eq!(read(&file).frame(), WorldFrame { patient: ras, unit: mm }, "an sform");
+    }
 }
 
 #[test]

@@ -11,7 +11,10 @@ use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use sg_volume::{Limits, ReadError, Scalars, Volume, raw_file_name, read_volume, read_volume_within, write_raw};
+use sg_volume::{
+    LengthUnit, Limits, PatientFrame, ReadError, Scalars, Volume, WorldFrame, lacks_spacing, raw_file_name,
+    read_volume, read_volume_within, write_raw,
+};
 
 fn values() -> Vec<i16> {
     (0..60).map(|i| (i * 521 % 4000) as i16 - 700).collect()
@@ -58,6 +61,7 @@ fn raw_files_are_read_in_every_packing_and_byte_order() {
         assert_eq!(v.grid().dims(), [3, 4, 5], "{name}");
         assert_eq!(v.scalars(), &Scalars::I16(values()), "{name}");
         assert_eq!((v.grid().spacing(), v.grid().origin()), (DVec3::ONE, DVec3::ZERO));
+        assert_eq!((v.frame(), lacks_spacing(Path::new(name))), (WorldFrame::default(), true));
     }
 }
 
@@ -98,6 +102,61 @@ fn nrrd_is_read_in_every_encoding_attached_and_detached() {
     let v = read_volume(&put(d, "four.nrrd", &joined(&[four.as_bytes(), &[1, 2, 3, 4, 5, 6, 7, 8]]))).unwrap();
     assert_eq!(v.grid().dims(), [2, 2, 2]);
     assert_eq!(v.grid().to_world(DVec3::ONE), DVec3::new(1.0, -2.0, 3.0));
+}
+
+/// A header as 3D Slicer writes it, of this `space` and with other lines.
+fn slicer(space: &str, lines: &str) -> String {
+    format!(
+        "NRRD0004\n# Complete NRRD file format specification at:\n# http://teem.sourceforge.net/nrrd/format.html\ntype: short\n\
+         dimension: 3\nspace: {space}\nsizes: 3 4 5\n{lines}kinds: domain domain domain\nendian: little\nencoding: raw\n\
+         space origin: (-115.5,30.25,-700)\n\n"
+    )
+}
+
+#[test]
+fn nrrd_tells_the_sides_of_a_patient_and_the_length_unit() {
+    let dir = tempfile::tempdir().unwrap();
+    let read =
+        |header: &str| read_volume(&put(dir.path(), "v.nrrd", &joined(&[header.as_bytes(), &bytes(false)]))).unwrap();
+    const AXES: &str = "space directions: (0.75,0,0) (0,0.75,0) (0,0,2.5)\n";
+    let with_unit = |unit: &str| format!("{AXES}space units: \"{unit}\" \"{unit}\" \"{unit}\"\n");
+    let (lps, ras, mm) = (Some(PatientFrame::Lps), Some(PatientFrame::Ras), Some(LengthUnit::Millimetre));
+    let cases = [
+        ("left-posterior-superior", AXES.to_owned(), lps, mm),
+        ("LPS", with_unit("um"), lps, Some(LengthUnit::Micrometre)),
+        ("right-anterior-superior", with_unit("mm"), ras, mm),
+        ("Left-Anterior-Superior", AXES.to_owned(), ras, mm),
+        ("scanner-xyz", with_unit("m"), None, Some(LengthUnit::Metre)),
+        ("3D-right-handed", AXES.to_owned(), None, None),
+        // Without directions the axes of the file lie anywhere in the patient.
+        ("LPS", "spacings: 0.75 0.75 2.5\nunits: \"mm\" \"mm\" \"mm\"\n".to_owned(), None, mm),
+        ("LPS", with_unit("furlong"), lps, None),
+    ];
+    for (space, lines, patient, unit) in cases {
+        assert_eq!(read(&slicer(space, &lines)).frame(), WorldFrame { patient, unit }, "{space} {lines}");
+    }
+}
+
+#[test]
+fn a_place_in_a_patient_is_the_same_in_every_space() {
+    let dir = tempfile::tempdir().unwrap();
+    // The same voxels of the same patient; x and y of RAS are those of LPS turned round, LAS is left-handed.
+    let spaces = [
+        ("LPS", "(0.75,0,0) (0,0.6,0) (0,0,2.5)", "(-10,20,30)", DVec3::new(1.0, 1.0, 1.0)),
+        ("RAS", "(-0.75,0,0) (0,-0.6,0) (0,0,2.5)", "(10,-20,30)", DVec3::new(-1.0, -1.0, 1.0)),
+        ("LAS", "(0.75,0,0) (0,-0.6,0) (0,0,2.5)", "(-10,-20,30)", DVec3::new(-1.0, -1.0, 1.0)),
+    ];
+    for (space, directions, origin, to_lps) in spaces {
+        let header = format!(
+            "NRRD0004\ntype: short\ndimension: 3\nspace: {space}\nsizes: 3 4 5\nspace directions: {directions}\n\
+             endian: little\nencoding: raw\nspace origin: {origin}\n\n"
+        );
+        let v = read_volume(&put(dir.path(), "p.nrrd", &joined(&[header.as_bytes(), &bytes(false)]))).unwrap();
+        let place = to_lps * v.grid().to_world(DVec3::new(2.0, 3.0, 4.0));
+        assert!((place - DVec3::new(-8.5, 21.8, 40.0)).length() < 1e-12, "{space}: {place}");
+        let frame = if space == "LPS" { PatientFrame::Lps } else { PatientFrame::Ras };
+        assert_eq!(v.frame().patient, Some(frame), "{space}");
+    }
 }
 
 fn vti(attributes: &str, array: &str, appended: &[u8]) -> Vec<u8> {

@@ -2,12 +2,13 @@
 
 use egui::Ui;
 use glam::Vec3;
-use sg_edit::wire::{encode_color, encode_mask};
+use sg_edit::wire::{encode_axis, encode_color, encode_mask};
 use sg_edit::{EditError, EditState, Part};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     CommitSelection, DeleteGaussians, SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view,
 };
+use sg_scene::orientation::Axis;
 
 use super::output::{Draft, Output};
 use super::panel::Panel;
@@ -67,6 +68,11 @@ pub(crate) fn crop_to_selection() -> Action {
 pub(crate) fn select_visible(state: &EditState) -> Result<Action, EditError> {
     let mask = Some(encode_mask(&state.part(Part::Visible)?));
     Ok(Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() }))
+}
+
+/// Turns a direction of the scene up; `None` for the file's own.
+pub(crate) fn turn_up(up: Option<Axis>) -> Action {
+    Action::SetView(SetView { change: Some(set_view::Change::Up(encode_axis(up).into())) })
 }
 
 /// Frames the selection from the present direction.

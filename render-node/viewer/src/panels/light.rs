@@ -8,8 +8,10 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{self as proto, NamedView, SetBackground, SetLight, SetTerm, SetView, set_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
+use sg_scene::orientation::Axis;
 use sg_scene::view::View;
 
+use super::commands::turn_up;
 use super::control::{Number, choice};
 use super::output::{DisplayAction, Output, PanelHost};
 use super::pick_color::{Picked, color_button};
@@ -136,6 +138,19 @@ impl Panels {
                     if ui.button(name).clicked() {
                         let change = Some(set_view::Change::Named(view.into()));
                         output.change(Action::SetView(SetView { change }));
+                    }
+                }
+            });
+        }
+        if state.services.scene && self.host == PanelHost::Window {
+            ui.horizontal_wrapped(|ui| {
+                ui.label("up").on_hover_text("the direction of the scene that is up; kept with the scene");
+                let choices = std::iter::once(None).chain(Axis::ALL.map(Some));
+                for up in choices {
+                    let name = up.map_or("as in the file", Axis::name);
+                    let button = egui::Button::new(name).selected(state.scene.up() == up);
+                    if ui.add(button).clicked() {
+                        output.change(turn_up(up));
                     }
                 }
             });

@@ -62,7 +62,7 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
-pub(crate) use commands::{crop_to_selection, delete_selection, frame_selection, select_visible};
+pub(crate) use commands::{crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
 pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::{Dock, Panel, RoomPlace};

@@ -10,6 +10,7 @@ use sg_scene::camera::Camera;
 use sg_scene::framing::{FirstView, framed};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::orientation::{Axis, Orientation};
 use sg_scene::view::View;
 
 use super::contour::Contour;
@@ -238,12 +239,24 @@ impl SceneView {
 
     /// Frames what the newest picture shows, from the present direction.
     pub(super) fn fit(&mut self) {
-        let View { eye, target, up, fov_y_degrees } = self.navigator.view;
+        let View { eye, target, up, .. } = self.navigator.view;
+        self.frame(target - eye, up);
+    }
+
+    /// Looks from the side of the scene that an axis points to, at what the newest picture shows.
+    pub(super) fn look_from_side(&mut self, orientation: Orientation, axis: Axis) {
+        let (direction, up) = orientation.direction_and_up(orientation.side(axis));
+        self.frame(direction, up);
+    }
+
+    /// Frames what the newest picture shows, in its width and height, along `direction` from the eye.
+    fn frame(&mut self, direction: DVec3, up: DVec3) {
+        let fov_y_degrees = self.navigator.view.fov_y_degrees;
         let [width, height] = self.size();
         let aspect = f64::from(width) / f64::from(height);
         let own = Appearance::of(&self.scene);
         let appearance = self.requested.as_ref().map_or(&own, |requested| &requested.appearance);
-        let view = framed(&self.scene, appearance, (target - eye, up), fov_y_degrees, aspect);
+        let view = framed(&self.scene, appearance, (direction, up), fov_y_degrees, aspect);
         self.navigator.look_from(view);
     }
 

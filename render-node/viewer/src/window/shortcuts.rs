@@ -55,6 +55,10 @@ pub enum Action {
     Fit,
     /// Frames the selection.
     FrameSelection,
+    /// Turns the next axis up.
+    NextUp,
+    /// Turns the scene upside down.
+    Flip,
     /// The next manner of moving the eye.
     NavigationMode,
     /// Keeps a picture.
@@ -135,6 +139,8 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     with(Modifiers::SHIFT, Key::F, "Shift+F", Action::FrameSelection, "see the whole selection"),
     plain(Key::F, "F", Action::Fit, "see the whole scene"),
+    with(Modifiers::SHIFT, Key::U, "Shift+U", Action::Flip, "turn the scene upside down"),
+    plain(Key::U, "U", Action::NextUp, "turn the next axis up: +Z, -Z, +Y, -Y, +X, -X"),
     plain(Key::M, "M", Action::NavigationMode, "orbit, trackball, fly"),
     plain(Key::V, "V", Action::NextDisplayMode, "the next view of the structure"),
     plain(Key::P, "P", Action::Picture, "save a picture"),

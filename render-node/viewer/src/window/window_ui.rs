@@ -33,7 +33,7 @@ use crate::display::{
 };
 use crate::panels::{
     DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, crop_to_selection, delete_selection,
-    frame_selection, select_visible, theme,
+    frame_selection, select_visible, theme, turn_up,
 };
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
@@ -254,6 +254,9 @@ impl WindowUi {
                 &self.tools,
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
+            let orientation = self.scene.orientation.with_up(state.scene.up());
+            self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
+            self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
         });
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
@@ -437,6 +440,12 @@ impl WindowUi {
                 self.line = "nothing is selected; brush something first".to_owned();
             }
             Action::FrameSelection if scene => requests.push(change(frame_selection())),
+            Action::NextUp | Action::Flip if scene => {
+                let up = self.scene.orientation.with_up(state.scene.up()).up();
+                let up = if action == Action::Flip { up.opposite() } else { up.next() };
+                requests.push(change(turn_up(Some(up))));
+                self.line = format!("{} is up", up.name());
+            }
             Action::Undo
             | Action::Redo
             | Action::All
@@ -444,7 +453,9 @@ impl WindowUi {
             | Action::Invert
             | Action::Delete
             | Action::Crop
-            | Action::FrameSelection => {
+            | Action::FrameSelection
+            | Action::NextUp
+            | Action::Flip => {
                 self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {

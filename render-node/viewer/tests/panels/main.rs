@@ -17,4 +17,5 @@ mod scene_requests;
 mod select_requests;
 mod stage;
 mod typing;
+mod upright;
 mod window_ui;

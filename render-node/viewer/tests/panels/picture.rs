@@ -81,9 +81,14 @@ impl Canvas {
 
     /// Draws the current content of a harness.
     pub(crate) fn draw(&self, harness: &Harness<'_, Stage>) -> Picture {
+        self.draw_with(harness, &harness.state().textures)
+    }
+
+    /// Draws the current content of a harness whose textures these are.
+    pub(crate) fn draw_with<S>(&self, harness: &Harness<'_, S>, textures: &Textures) -> Picture {
         let format = wgpu::TextureFormat::Rgba8Unorm;
         let mut renderer = Renderer::new(&self.device, format, RendererOptions::PREDICTABLE);
-        for (id, deltas) in &harness.state().textures.0.borrow().set {
+        for (id, deltas) in &textures.0.borrow().set {
             for delta in deltas {
                 renderer.update_texture(&self.device, &self.queue, *id, delta);
             }

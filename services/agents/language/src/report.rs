@@ -192,6 +192,7 @@ fn view(change: &set_view::Change) -> String {
         }
         set_view::Change::Zoom(by) if *by < 1.0 => format!("Zoomed out by a factor of {}.", factor(1.0 / by)),
         set_view::Change::Zoom(by) => format!("Zoomed in by a factor of {}.", factor(*by)),
+        set_view::Change::Up(_) => "Another side of the scene is up.".to_owned(),
         set_view::Change::Focus(of) => {
             let (what, _) = target(of);
             format!("The view frames {what}.")

@@ -126,6 +126,7 @@ fn view(clause: &Clause) -> String {
         set_view::Change::Orbit(o) => format!("turn {} {}", number(o.azimuth_degrees), number(o.elevation_degrees)),
         set_view::Change::Zoom(factor) => format!("zoom {}", number(*factor)),
         set_view::Change::Focus(_) => format!("look at {about}"),
+        set_view::Change::Up(axis) => format!("up {axis}"),
     }
 }
 

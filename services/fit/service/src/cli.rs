@@ -11,14 +11,15 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
 use sg_fit::labels::labels_of;
-use sg_fit::{Options, Progress, Report, direct_start};
+use sg_fit::{Options, Progress, Report, direct_start, orientation_of};
 use sg_formats::{check_scene_target, npy, staged_file};
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_scene::model::Scene;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::{
-    TransferFunction, Volume, automatic_transfer_function, formats_help, raw_file_name, read_volume, write_volume,
+    TransferFunction, Volume, automatic_transfer_function, formats_help, lacks_spacing, raw_file_name, read_volume,
+    write_volume,
 };
 
 use crate::kept_scenes::{self, KeptScene, KeptScenes};
@@ -72,6 +73,9 @@ struct FitArgs {
     /// Thickness of Gaussians along the gradient at clear boundaries, relative to their cell. 1 does not flatten.
     #[arg(long, value_name = "F", default_value_t = Options::default().flattening, value_parser = flattening)]
     flattening: f64,
+    /// Millimetres between voxels along x, y and z, for raw volumes: they store none. Label volumes get the same.
+    #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
+    spacing: Option<DVec3>,
     /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
@@ -120,6 +124,27 @@ fn gaussians(text: &str) -> Result<usize, String> {
 
 fn flattening(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|&f| f > 0.0 && f <= 1.0).ok_or_else(|| "give a number above 0 and at most 1".to_owned())
+}
+
+fn spacing(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if [x, y, z].iter().all(|&s| s > 0.0 && s.is_finite()) => Ok(DVec3::new(x, y, z)),
+        _ => Err("give three lengths above 0, such as 0.5,0.5,1.25".to_owned()),
+    }
+}
+
+/// Reads a volume; a raw one gets the spacing that is given.
+fn read(path: &Path, spacing: Option<DVec3>) -> Result<Volume, Failure> {
+    if spacing.is_some() && !lacks_spacing(path) {
+        let what = "--spacing is for raw volumes; this format stores its own spacing, so leave it out";
+        return Err(input(format!("{}: {what}", path.display())));
+    }
+    let volume = read_volume(path).map_err(input)?;
+    match spacing {
+        None => Ok(volume),
+        Some(spacing) => volume.with_spacing(spacing).map_err(|e| input(format!("{}: {e}", path.display()))),
+    }
 }
 
 /// A failure with its exit status: 1 for failed work, 2 for wrong input.
@@ -187,8 +212,10 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
-    let volume = read_volume(path).map_err(input)?;
-    let labels = args.labels.as_deref().map(read_volume).transpose().map_err(input)?;
+    let volume = read(path, args.spacing)?;
+    let label_spacing = |labels: &Path| args.spacing.filter(|_| lacks_spacing(labels));
+    let labels = args.labels.as_deref().map(|labels| read(labels, label_spacing(labels))).transpose()?;
+    let orientation = orientation_of(volume.frame());
     let field = volume.to_field();
     let read_seconds = clock.elapsed().as_secs_f64();
     let function = match &args.transfer_function {
@@ -207,7 +234,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let keeping = match &args.keep_in {
         Some(folder) => {
             let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;
-            let key = kept_scenes::key(&field, &function, &options).map_err(work)?;
+            let key = kept_scenes::key(&field, orientation, &function, &options).map_err(work)?;
             if let Some(scene) = kept.find(&key) {
                 return report_kept(path, &scene, json);
             }
@@ -220,6 +247,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let result = direct_start(&field, &function, &options, |p| show(&bar, p));
     bar.finish_and_clear();
     let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    start.scene.orientation = orientation;
     for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
         print_line(&format!("note: base unit `{}` has no visible voxel; its file contains no Gaussian", unit.name));
     }

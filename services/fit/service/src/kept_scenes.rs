@@ -14,6 +14,7 @@ use sg_fit::direct::REVISION;
 use sg_formats::LoadOptions;
 use sg_formats::files::short_name;
 use sg_formats::staged_file::sync_folder;
+use sg_scene::orientation::{Axis, LengthUnit, Orientation, PatientFrame};
 use sg_volume::{Field, TransferFunction};
 use tempfile::TempDir;
 
@@ -114,7 +115,12 @@ fn is_taken(error: &io::Error) -> bool {
 }
 
 /// The key of a fit: 16 letters of a hash.
-pub(crate) fn key(field: &Field, function: &TransferFunction, options: &Options) -> Result<String, serde_json::Error> {
+pub(crate) fn key(
+    field: &Field,
+    orientation: Orientation,
+    function: &TransferFunction,
+    options: &Options,
+) -> Result<String, serde_json::Error> {
     let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene of volume 1");
     hasher.update(&REVISION.to_le_bytes());
     let grid = field.grid();
@@ -124,6 +130,14 @@ pub(crate) fn key(field: &Field, function: &TransferFunction, options: &Options)
     let geometry = [grid.spacing(), grid.origin()].into_iter().flat_map(|v| v.to_array());
     for number in geometry.chain(grid.direction().to_cols_array()).chain([field.offset(), options.flattening]) {
         hasher.update(&number.to_le_bytes());
+    }
+    // A scene without directions and unit keeps the key that it had before scenes stored them.
+    if orientation != Orientation::default() {
+        let Orientation { patient, unit, up } = orientation;
+        let words = [patient.map(PatientFrame::name), unit.map(LengthUnit::name), up.map(Axis::name)];
+        for word in words {
+            hasher.update(word.unwrap_or("-").as_bytes()).update(b" ");
+        }
     }
     hasher.update(&(options.gaussians as u64).to_le_bytes()).update(&options.seed.to_le_bytes());
     let function = function.to_json()?;
@@ -151,16 +165,19 @@ mod tests {
     #[test]
     fn a_key_stands_for_values_function_and_options() {
         let (function, options) = (transfer_function(), Options::default());
-        let one = key(&field(1), &function, &options).unwrap();
-        assert_eq!((one.len(), &one), (KEY, &key(&field(1), &function, &options).unwrap()));
+        let none = Orientation::default();
+        let one = key(&field(1), none, &function, &options).unwrap();
+        assert_eq!((one.len(), &one), (KEY, &key(&field(1), none, &function, &options).unwrap()));
         let mut narrow = function.clone();
         narrow.domain[1] *= 0.5;
+        let patient = Orientation { patient: Some(PatientFrame::Lps), ..none };
         let others = [
-            key(&field(2), &function, &options),
-            key(&field(1), &narrow, &options),
-            key(&field(1), &function, &Options { gaussians: 7, ..options }),
-            key(&field(1), &function, &Options { seed: 7, ..options }),
-            key(&field(1), &function, &Options { flattening: 0.5, ..options }),
+            key(&field(1), patient, &function, &options),
+            key(&field(2), none, &function, &options),
+            key(&field(1), none, &narrow, &options),
+            key(&field(1), none, &function, &Options { gaussians: 7, ..options }),
+            key(&field(1), none, &function, &Options { seed: 7, ..options }),
+            key(&field(1), none, &function, &Options { flattening: 0.5, ..options }),
         ];
         for other in others {
             assert_ne!(other.unwrap(), one);

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use sg_scene::orientation::{LengthUnit, Orientation, PatientFrame};
 
 fn fit(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_supergaussian-fit")).current_dir(folder).args(arguments).output().unwrap()
@@ -255,6 +256,41 @@ fn a_hostile_header_reaches_no_file_of_others() {
     );
     assert!(said.contains("secret.raw") && !d.join("c").exists() && d.join("a/b/own/scene.toml").is_file());
     assert!(fitted("hostile.nhdr", "hostile", &["--unconfined"]).status.success());
+}
+
+#[test]
+fn the_scene_file_tells_the_orientation_of_its_volume() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "16"]);
+    let raw = "made/phantom_16x16x16_uint8.raw";
+    std::fs::write(
+        d.join("made/head.nhdr"),
+        "NRRD0004\ntype: uchar\ndimension: 3\nspace: left-posterior-superior\nsizes: 16 16 16\n\
+         space directions: (0.5,0,0) (0,0.5,0) (0,0,1.25)\nspace origin: (-4,-4,100)\nencoding: raw\n\
+         data file: phantom_16x16x16_uint8.raw\n",
+    )
+    .unwrap();
+    let scene = |volume: &str, out: &str, more: &[&str]| {
+        let words = [volume, "--transfer-function", "made/phantom.tf.json", "--initial-only", "--gaussians", "200"];
+        ok(d, &[&words[..], &["--out", out], more].concat());
+        sg_formats::load(&d.join(out).join("scene.toml"), &sg_formats::LoadOptions::default()).unwrap().scene
+    };
+    let head = scene("made/head.nhdr", "head", &[]);
+    let mm = Orientation { unit: Some(LengthUnit::Millimetre), ..Orientation::default() };
+    assert_eq!(head.orientation, Orientation { patient: Some(PatientFrame::Lps), ..mm });
+    assert_eq!(scene(raw, "plain", &[]).orientation, Orientation::default());
+    // A raw file has the spacing and the unit that it is given.
+    let spaced = scene(raw, "spaced", &["--spacing", "0.5,0.5,1.25"]);
+    assert_eq!(spaced.orientation, mm);
+    let size = glam::DVec3::new(8.0, 8.0, 20.0);
+    assert_eq!((spaced.bounds.size(), head.bounds.size()), (size, size));
+    let refused = fit(d, &["made/head.nhdr", "--initial-only", "--out", "none", "--spacing", "1,1,1"]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && said.lines().count() == 1 && said.contains("leave it out"), "{said}");
+    let zero = fit(d, &[raw, "--initial-only", "--out", "none", "--spacing", "0,1,1"]);
+    assert!(zero.status.code() == Some(2) && String::from_utf8_lossy(&zero.stderr).contains("above 0"));
+    assert!(!d.join("none").exists());
 }
 
 #[test]

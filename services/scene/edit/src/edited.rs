@@ -89,7 +89,8 @@ impl EditState {
         }
         let whole = members.count() == self.count();
         let bounds = if whole { scene.bounds } else { box_of(scene, members) };
-        Ok(Scene::compose(units, Some(bounds)))
+        let orientation = scene.orientation.with_up(self.up());
+        Ok(Scene { orientation, ..Scene::compose(units, Some(bounds)) })
     }
 
     /// The rows of a base unit by look: the unedited look first, rows in order.

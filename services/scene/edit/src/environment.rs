@@ -7,7 +7,7 @@ use super::command_number::{self, malformed};
 use super::error::EditError;
 use super::state::BaseUnitState;
 use super::transaction::Transaction;
-use super::wire::{decode_light_mode, decode_side, decode_term, decode_view};
+use super::wire::{decode_axis, decode_light_mode, decode_side, decode_term, decode_view};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::{framed, robust_bounds};
@@ -79,10 +79,15 @@ impl Transaction<'_> {
         let (view, summary) = match command.change.as_ref().ok_or_else(missing)? {
             Change::View(view) => (decode_view(view).map_err(|e| malformed(&e))?, "moved the view".to_owned()),
             Change::Named(named) => match decode_side(*named).map_err(|e| malformed(&e))? {
-                None => (self.initial.view, "reset the view".to_owned()),
+                None => {
+                    self.state.up = self.initial.up;
+                    (self.initial.view, "reset the view".to_owned())
+                }
                 Some(side) => {
                     let look = self.state.appearance();
-                    let view = framed(self.scene, &look, side.direction_and_up(), present.fov_y_degrees, 1.0);
+                    let orientation = self.scene.orientation.with_up(self.state.up);
+                    let view =
+                        framed(self.scene, &look, orientation.direction_and_up(side), present.fov_y_degrees, 1.0);
                     (view, format!("looked from the {}", side_name(side)))
                 }
             },
@@ -94,6 +99,13 @@ impl Transaction<'_> {
                     }
                 }
                 (present.orbited(azimuth, elevation), format!("turned the view by {azimuth}° and {elevation}° upwards"))
+            }
+            Change::Up(axis) => {
+                self.state.up = decode_axis(*axis).map_err(|e| malformed(&e))?;
+                let orientation = self.scene.orientation.with_up(self.state.up);
+                let (look, sight) = (self.state.appearance(), orientation.direction_and_up(Side::Front));
+                let view = framed(self.scene, &look, sight, present.fov_y_degrees, 1.0);
+                (view, format!("turned {} up", orientation.up().name()))
             }
             Change::Zoom(factor) => {
                 let length = self.state.geometry().bounds.longest_edge();
@@ -126,7 +138,7 @@ impl Transaction<'_> {
         }
         self.state.light = self.initial.light;
         self.state.background = self.initial.background;
-        self.state.view = self.initial.view;
+        (self.state.view, self.state.up) = (self.initial.view, self.initial.up);
         self.state.term = self.initial.term;
         self.focus_on(Vec::new());
         "reset the appearance and the view".to_owned()

@@ -13,6 +13,7 @@ use sg_scene::camera::Light;
 use sg_scene::framing::initial_view;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
+use sg_scene::orientation::Axis;
 use sg_scene::view::View;
 
 /// A base unit as edits see it.
@@ -152,6 +153,7 @@ pub struct EditState {
     pub(crate) light: Light,
     pub(crate) background: Vec3,
     pub(crate) view: View,
+    pub(crate) up: Option<Axis>,
     pub(crate) term: ShadingTerm,
     pub(crate) focus: Vec<String>,
 }
@@ -189,6 +191,7 @@ impl EditState {
             light: look.light,
             background: look.background,
             view: initial_view(scene),
+            up: None,
             term: look.term,
             focus: Vec::new(),
             geometry: Arc::new(geometry),
@@ -253,6 +256,12 @@ impl EditState {
     #[must_use]
     pub fn view(&self) -> View {
         self.view
+    }
+
+    /// The direction that somebody chose to be up; `None` for the file's own.
+    #[must_use]
+    pub fn up(&self) -> Option<Axis> {
+        self.up
     }
 
     /// The shown part of the shading.
@@ -343,6 +352,8 @@ pub enum Change {
     Background(Vec3),
     /// The viewpoint.
     View(View),
+    /// The direction that is up; `None` for the file's own.
+    Up(Option<Axis>),
     /// The shown part of the shading.
     Term(ShadingTerm),
     /// Names of the units that the last command addressed.
@@ -399,6 +410,7 @@ impl EditState {
             Change::Light(light) => self.light = light,
             Change::Background(color) => self.background = color,
             Change::View(view) => self.view = view,
+            Change::Up(up) => self.up = up,
             Change::Term(term) => self.term = term,
             Change::Focus(names) => self.focus = names,
         }
@@ -435,6 +447,9 @@ impl EditState {
         }
         if self.view != after.view {
             changes.push(Change::View(after.view));
+        }
+        if self.up != after.up {
+            changes.push(Change::Up(after.up));
         }
         if self.term != after.term {
             changes.push(Change::Term(after.term));

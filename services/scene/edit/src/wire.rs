@@ -11,6 +11,7 @@ use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
+use sg_scene::orientation::Axis;
 use sg_scene::view::{Side, View};
 
 /// A message that holds no value of the type it stands for.
@@ -184,6 +185,37 @@ pub fn decode_term(value: i32) -> Result<ShadingTerm, WireError> {
     }
 }
 
+/// The direction that is up as a message holds it; `None` is the file's own.
+#[must_use]
+pub fn encode_axis(axis: Option<Axis>) -> proto::Axis {
+    match axis {
+        None => proto::Axis::Unspecified,
+        Some(Axis::PlusX) => proto::Axis::PlusX,
+        Some(Axis::MinusX) => proto::Axis::MinusX,
+        Some(Axis::PlusY) => proto::Axis::PlusY,
+        Some(Axis::MinusY) => proto::Axis::MinusY,
+        Some(Axis::PlusZ) => proto::Axis::PlusZ,
+        Some(Axis::MinusZ) => proto::Axis::MinusZ,
+    }
+}
+
+/// The direction that is up from a message; `None` is the file's own.
+///
+/// # Errors
+/// [`WireError::Kind`].
+pub fn decode_axis(value: i32) -> Result<Option<Axis>, WireError> {
+    match proto::Axis::try_from(value) {
+        Ok(proto::Axis::Unspecified) => Ok(None),
+        Ok(proto::Axis::PlusX) => Ok(Some(Axis::PlusX)),
+        Ok(proto::Axis::MinusX) => Ok(Some(Axis::MinusX)),
+        Ok(proto::Axis::PlusY) => Ok(Some(Axis::PlusY)),
+        Ok(proto::Axis::MinusY) => Ok(Some(Axis::MinusY)),
+        Ok(proto::Axis::PlusZ) => Ok(Some(Axis::PlusZ)),
+        Ok(proto::Axis::MinusZ) => Ok(Some(Axis::MinusZ)),
+        Err(_) => Err(WireError::Kind { field: "up", value }),
+    }
+}
+
 /// A viewpoint as a message.
 #[must_use]
 pub fn encode_view(view: &View) -> proto::View {
@@ -338,6 +370,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
+        Change::Up(up) => Item::Up(encode_axis(*up).into()),
         Change::Term(term) => Item::Term(encode_term(*term).into()),
         Change::Focus(units) => Item::Focus(proto::Focus { units: units.clone() }),
     };
@@ -361,6 +394,7 @@ pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, 
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
+        Item::Up(axis) => Change::Up(decode_axis(*axis)?),
         Item::Term(term) => Change::Term(decode_term(*term)?),
         Item::Focus(focus) => Change::Focus(focus.units.clone()),
     })
@@ -385,6 +419,7 @@ impl EditState {
             background: Some(encode_color(self.background)),
             view: Some(encode_view(&self.view)),
             term: encode_term(self.term).into(),
+            up: encode_axis(self.up).into(),
             focus: self.focus.clone(),
             undo: Vec::new(),
             redo: Vec::new(),
@@ -421,6 +456,7 @@ impl EditState {
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,
             term: decode_term(state.term)?,
+            up: decode_axis(state.up)?,
             focus: state.focus.clone(),
         })
     }
@@ -454,6 +490,7 @@ mod tests {
     #[test]
     fn values_outside_an_enumeration_are_refused() {
         assert_eq!(decode_term(0), Err(WireError::Kind { field: "term", value: 0 }));
+        assert_eq!(decode_axis(7), Err(WireError::Kind { field: "up", value: 7 }));
         assert_eq!(decode_term(77), Err(WireError::Kind { field: "term", value: 77 }));
         assert_eq!(decode_light_mode(0), Ok(None));
         assert!(decode_light_mode(-4).is_err());

@@ -63,7 +63,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     }
     let (format, bounds) =
         listing.scene.unwrap_or_else(|| (unit_formats.first().copied().unwrap_or(container), bounds));
-    let scene = Scene::compose(units, bounds);
+    let scene = Scene { orientation: listing.orientation, ..Scene::compose(units, bounds) };
     let mut warnings = reader.warnings;
     if scene.is_empty() {
         warnings.push(Warning::new(WarningCode::Empty, "the scene holds no Gaussian"));

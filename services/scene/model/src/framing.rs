@@ -40,7 +40,8 @@ pub fn framed(
 /// The camera of a picture of a file for which nobody gives a camera.
 ///
 /// Scenes with editable shading come from volumes and are seen obliquely, z up. Plain 3DGS scenes have y down and z
-/// forward like their cameras, and are seen from the front. The background is black.
+/// forward like their cameras, and are seen from the front. A file that gives its [`crate::orientation::Orientation`] outweighs
+/// both. The background is black.
 #[must_use]
 pub fn default_camera(scene: &Scene, width: u32, height: u32) -> Camera {
     default_camera_of(scene, &Appearance::of(scene), width, height)
@@ -57,7 +58,13 @@ pub fn default_camera_of(scene: &Scene, appearance: &Appearance, width: u32, hei
 #[must_use]
 pub fn default_sight(scene: &Scene) -> (DVec3, DVec3) {
     let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
-    if from_volume { (DVec3::new(-0.5, 0.8, -0.35), DVec3::Z) } else { (DVec3::Z, DVec3::NEG_Y) }
+    let frame = scene.orientation.front_frame();
+    let says_up = scene.orientation.patient.is_some() || scene.orientation.up.is_some();
+    match (from_volume, says_up) {
+        (true, _) => (frame * DVec3::new(-0.5, 0.8, -0.35), frame.z_axis),
+        (false, true) => scene.orientation.direction_and_up(Side::Front),
+        (false, false) => (DVec3::Z, DVec3::NEG_Y),
+    }
 }
 
 /// Near distance of a scene that is not placed in a room, as a share of its longest edge: 5 cm where that is 10 m.
@@ -98,7 +105,7 @@ pub fn initial_view(scene: &Scene) -> View {
 /// [`initial_view`] for pictures of another aspect, width over height.
 #[must_use]
 pub fn initial_view_of(scene: &Scene, aspect: f64) -> View {
-    framed(scene, &Appearance::of(scene), Side::Front.direction_and_up(), FIELD_OF_VIEW, aspect)
+    framed(scene, &Appearance::of(scene), scene.orientation.direction_and_up(Side::Front), FIELD_OF_VIEW, aspect)
 }
 
 /// The first view as pictures of a shape show it: [`initial_view`] stands for [`initial_view_of`] the picture's aspect. Every

@@ -32,6 +32,7 @@ mod content_hash;
 pub mod framing;
 pub mod mask;
 pub mod model;
+pub mod orientation;
 pub mod recolor;
 mod rows;
 pub mod subject;

@@ -9,6 +9,8 @@ use std::path::PathBuf;
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::orientation::Orientation;
+
 /// The columns of a set of 3D Gaussians, all of one length, in the unit's local frame.
 ///
 /// An index into these columns is the Gaussian's identity: it never changes and is never reused.
@@ -291,6 +293,8 @@ pub struct Scene {
     pub units: Vec<BaseUnit>,
     /// The box that strokes are normalized by; stored, never recomputed.
     pub bounds: SceneBox,
+    /// Its directions and length unit, as far as its file tells them.
+    pub orientation: Orientation,
 }
 
 impl Scene {
@@ -305,7 +309,7 @@ impl Scene {
         }
         let bounds = bounds
             .unwrap_or_else(|| SceneBox::of_points(units.iter().flat_map(|u| u.gaussians.position.iter().copied())));
-        Self { units, bounds }
+        Self { units, bounds, orientation: Orientation::default() }
     }
 
     /// Number of Gaussians in all units.

@@ -45,8 +45,11 @@ pub enum Side {
 }
 
 impl Side {
-    /// Direction from the eye to the scene, and the direction up in the picture. From front, top and bottom, +x is to
-    /// the right.
+    /// All sides.
+    pub const ALL: [Self; 6] = [Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
+
+    /// Direction from the eye to the scene, and the direction up in the picture, where +z is up. From front, top and bottom,
+    /// +x is to the right. [`crate::orientation::Orientation::direction_and_up`] gives those of any scene.
     #[must_use]
     pub fn direction_and_up(self) -> (DVec3, DVec3) {
         match self {

@@ -100,6 +100,13 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
     }
 }
 
+/// Whether the name of a volume selects a format without spacing: raw voxels. [`Volume::with_spacing`] gives them one.
+#[must_use]
+pub fn lacks_spacing(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    Format::of::<raw::Raw>().has_ending(&name)
+}
+
 /// Writes a volume in the format that the name of `path` selects. Only raw files can be written: plain, little endian,
 /// with the name from [`raw_file_name`].
 ///

@@ -16,6 +16,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::grid::Grid;
 use crate::scalars::ScalarType;
 use crate::volume::Volume;
+use crate::world_frame::{LengthUnit, PatientFrame, WorldFrame};
 
 use super::decode::{Packing, Voxels, read_full};
 use super::error::ReadError;
@@ -71,7 +72,8 @@ impl VolumeFormat for Nifti {
         if let Some((slope, intercept)) = scaling {
             scalars = scalars.scaled(slope, intercept);
         }
-        Volume::new(grid, scalars, header.intent_name()).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
+        let volume = Volume::new(grid, scalars, header.intent_name()).map(|volume| volume.in_frame(header.frame()));
+        volume.map_err(|e| source.format("voxels", e.to_string(), REMEDY))
     }
 }
 
@@ -105,6 +107,7 @@ struct Layout {
     qoffset: usize,
     srow: usize,
     intent_name: usize,
+    xyzt_units: usize,
     /// NIfTI-2: dimensions and offset are int64, codes int32 and reals float64; else int16, int16 and float32.
     wide: bool,
 }
@@ -129,6 +132,7 @@ impl Layout {
             qoffset: 268,
             srow: 280,
             intent_name: 328,
+            xyzt_units: 123,
             wide: false,
         },
         Self {
@@ -149,6 +153,7 @@ impl Layout {
             qoffset: 376,
             srow: 400,
             intent_name: 508,
+            xyzt_units: 500,
             wide: true,
         },
     ];
@@ -309,6 +314,20 @@ impl Header {
             return Err(source.format("header", format!("vox_offset is {stored}"), remedy));
         }
         Ok(stored as u64)
+    }
+
+    /// RAS where the file gives a map to the patient, and the length unit of `xyzt_units`.
+    fn frame(&self) -> WorldFrame {
+        let at = self.layout.xyzt_units;
+        let code = if self.layout.wide { i32::from_be_bytes(self.field(at)) } else { i32::from(self.bytes[at]) };
+        let unit = match code & 0b111 {
+            1 => Some(LengthUnit::Metre),
+            2 => Some(LengthUnit::Millimetre),
+            3 => Some(LengthUnit::Micrometre),
+            _ => None,
+        };
+        let is_mapped = self.has_code(self.layout.sform_code) || self.has_code(self.layout.qform_code);
+        WorldFrame { patient: is_mapped.then_some(PatientFrame::Ras), unit }
     }
 
     fn grid(&self, source: Source<'_>, dims: [usize; 3]) -> Result<Grid, ReadError> {

@@ -1,7 +1,9 @@
 //! NRRD, attached (`.nrrd`) and detached (`.nhdr`): <https://teem.sourceforge.net/nrrd/format.html>.
 //!
 //! The reader takes scalar 3-D volumes in the encodings raw, gzip and ascii. It drops axes of one sample without a
-//! direction. The grid keeps the file's own world frame, for example `left-posterior-superior`: nothing is flipped.
+//! direction. The grid keeps the file's own world frame, for example `left-posterior-superior`. One exception is
+//! `left-anterior-superior`, which is left-handed: its x axis is turned round, so that pictures do not swap a patient's sides.
+//! `space units`, or else `units`, gives the length unit. A patient's frame without units is in millimetres, as 3D Slicer writes it.
 
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
@@ -11,6 +13,7 @@ use glam::{DMat3, DVec3};
 use crate::grid::Grid;
 use crate::scalars::ScalarType;
 use crate::volume::Volume;
+use crate::world_frame::{LengthUnit, PatientFrame, WorldFrame};
 
 use super::decode::{Packing, Voxels, read_text};
 use super::error::{ActualSize, ReadError};
@@ -87,7 +90,8 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
             voxels.read(data_source, reader, length - at)?
         }
     };
-    Volume::new(grid, scalars, header.content).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
+    let volume = Volume::new(grid, scalars, header.content);
+    volume.map(|volume| volume.in_frame(header.frame)).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,6 +119,29 @@ struct Header {
     line_skip: u64,
     byte_skip: i64,
     content: Option<String>,
+    frame: WorldFrame,
+    /// Whether the x axis of the world is turned round.
+    mirrored: bool,
+}
+
+/// The patient's frame of a `space`, and whether the file's x axis points to the other side.
+fn patient_frame(space: &str) -> Option<(PatientFrame, bool)> {
+    let space = space.to_ascii_lowercase();
+    match space.as_str() {
+        "left-posterior-superior" | "lps" => Some((PatientFrame::Lps, false)),
+        "right-anterior-superior" | "ras" => Some((PatientFrame::Ras, false)),
+        "left-anterior-superior" | "las" => Some((PatientFrame::Ras, true)),
+        _ => None,
+    }
+}
+
+/// The length unit of words in quotation marks, if all name the same one. `???` and the empty word stand for an unknown unit,
+/// and `none` for an axis without one.
+fn length_unit(value: &str) -> Option<LengthUnit> {
+    let words = value.split('"').skip(1).step_by(2).map(LengthUnit::of_name);
+    let mut units = words.take(3);
+    let first = units.next()??;
+    units.all(|unit| unit == Some(first)).then_some(first)
 }
 
 /// The fields of the header: line number, name and value.
@@ -180,6 +207,17 @@ impl Header {
             },
         };
 
+        // Without directions the axes of the file lie anywhere in the patient.
+        let spatial = axes.iter().filter(|axis| axis.direction.is_some()).count();
+        let patient = fields.get(&["space"]).and_then(|(_, space)| patient_frame(space)).filter(|_| spatial >= 3);
+        let units = fields.get(&["space units"]).or_else(|| fields.get(&["units"]).filter(|_| spatial == 0));
+        let unit = match units {
+            Some((_, value)) => length_unit(value),
+            None => patient.map(|_| LengthUnit::Millimetre),
+        };
+        let mirrored = patient.is_some_and(|(_, mirrored)| mirrored);
+        let frame = WorldFrame { patient: patient.map(|(frame, _)| frame), unit };
+
         let (line, value) = need(&["encoding"])?;
         let encoding = match value.to_ascii_lowercase().as_str() {
             "raw" => Encoding::Raw,
@@ -225,6 +263,8 @@ impl Header {
             line_skip,
             byte_skip,
             content: fields.get(&["content"]).map(|(_, v)| v.to_owned()).filter(|v| !v.is_empty()),
+            frame,
+            mirrored,
         })
     }
 
@@ -261,7 +301,9 @@ impl Header {
             }
         }
         let dims = [x.size, y.size, z.size];
-        let grid = Grid::new(dims, spacing, self.origin, direction).map_err(|e| source.grid(e))?;
+        let turn = DVec3::new(if self.mirrored { -1.0 } else { 1.0 }, 1.0, 1.0);
+        let direction = DMat3::from_diagonal(turn) * direction;
+        let grid = Grid::new(dims, spacing, turn * self.origin, direction).map_err(|e| source.grid(e))?;
         Ok((dims, grid))
     }
 
@@ -354,6 +396,15 @@ fn parse_vectors(text: &str) -> Option<Vec<Option<DVec3>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn length_units_are_those_that_all_axes_share() {
+        assert_eq!(length_unit(r#""mm" "mm" "mm""#), Some(LengthUnit::Millimetre));
+        assert_eq!(length_unit("\"microns\" \"um\" \"\u{b5}m\""), Some(LengthUnit::Micrometre));
+        for unknown in [r#""mm" "mm" "cm""#, r#""" "" """#, "mm mm mm", ""] {
+            assert_eq!(length_unit(unknown), None, "{unknown}");
+        }
+    }
 
     #[test]
     fn vectors_are_parsed() {

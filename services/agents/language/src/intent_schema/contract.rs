@@ -56,6 +56,7 @@ pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.model",
     "language.v1.Intent.fallback",
     "scene.v1.SetView.view",
+    "scene.v1.SetView.up",
     "scene.v1.Target.units",
     "scene.v1.Target.selection",
     "scene.v1.Target.everything",

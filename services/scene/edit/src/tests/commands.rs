@@ -10,7 +10,9 @@ use sg_proto::scene::{
 };
 
 use super::*;
+use crate::state::Change;
 use crate::{HistoryMove, UnitRef};
+use sg_scene::orientation::{Axis, PatientFrame};
 
 fn names(editor: &Editor) -> Vec<&str> {
     editor.state().units().map(|u| u.name.as_str()).collect()
@@ -495,4 +497,42 @@ fn masks_that_no_reader_could_be_sent_are_refused() {
     assert_eq!(error.code(), Code::ResourceExhausted);
     run(&mut editor, [Action::DeleteUnit(DeleteUnit { name: "one".into() }), save("three")]);
     assert_eq!(editor.state().find("three").map(|u| matches!(u, UnitRef::Editable(_))), Ok(true));
+}
+
+#[test]
+fn the_side_that_is_up_is_chosen_kept_and_undone() {
+    let scene = Arc::new(sg_scene::synthetic::test_scene(&[("bone", 40)]));
+    let opened = EditState::of_scene(&scene, "scene.toml", "hash");
+    let up = |axis: sg_proto::scene::Axis| view(ViewChange::Up(axis.into()));
+    let turned = opened.after(&scene, up(sg_proto::scene::Axis::MinusY)).unwrap();
+    assert_eq!(turned.up(), Some(Axis::MinusY));
+    assert_eq!(turned.view().up, glam::DVec3::NEG_Y);
+    // Other sides keep it, and it survives the way through messages.
+    let top = turned.after(&scene, view(ViewChange::Named(NamedView::Top.into()))).unwrap();
+    assert!((top.view().eye - top.view().target).normalize().dot(glam::DVec3::NEG_Y) > 0.999);
+    assert_eq!(EditState::from_snapshot(&top.state(true)).unwrap(), top);
+    let changes = opened.changes_to(&turned);
+    assert!(changes.contains(&Change::Up(Some(Axis::MinusY))), "{changes:?}");
+    // An exported scene keeps it in its file.
+    assert_eq!(turned.edited(&scene, &Mask::full(40)).unwrap().orientation.up, Some(Axis::MinusY));
+    // The first view is the file's own.
+    for action in [view(ViewChange::Named(NamedView::Initial.into())), up(sg_proto::scene::Axis::Unspecified)] {
+        let back = top.after(&scene, action).unwrap();
+        assert_eq!((back.up(), back.view().up), (None, glam::DVec3::Z));
+    }
+    assert!(opened.after(&scene, view(ViewChange::Up(99))).is_err());
+}
+
+#[test]
+fn the_front_of_a_patient_is_anterior() {
+    for (patient, anterior) in [(PatientFrame::Lps, glam::DVec3::NEG_Y), (PatientFrame::Ras, glam::DVec3::Y)] {
+        let mut scene = sg_scene::synthetic::test_scene(&[("bone", 40)]);
+        scene.orientation.patient = Some(patient);
+        let scene = Arc::new(scene);
+        let opened = EditState::of_scene(&scene, "scene.toml", "hash");
+        let from = |state: &EditState| (state.view().eye - state.view().target).normalize();
+        assert!(from(&opened).dot(anterior) > 0.999, "{patient:?}");
+        let front = opened.after(&scene, view(ViewChange::Named(NamedView::Front.into()))).unwrap();
+        assert!(from(&front).dot(anterior) > 0.999 && front.view().up == glam::DVec3::Z, "{patient:?}");
+    }
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Serialize, Serializer};
 use sg_scene::model::{Convention, Gaussians, Scene, SceneBox};
+use sg_scene::orientation::Orientation;
 
 use crate::splat::ply::PlyFile;
 use crate::splat::problem::{Problem, Warning};
@@ -215,12 +216,15 @@ pub(crate) struct Listing {
     pub(crate) units: Vec<UnitSource>,
     /// Present where a scene file lists the units: its format, and the box that it stores.
     pub(crate) scene: Option<(Format, Option<SceneBox>)>,
+    /// As far as the files tell it.
+    pub(crate) orientation: Orientation,
 }
 
 impl Listing {
     /// One file with one unit.
     pub(crate) fn of_file(path: &Path) -> Self {
-        Self { units: vec![UnitSource { path: path.to_path_buf(), entry: None, name: None }], scene: None }
+        let unit = UnitSource { path: path.to_path_buf(), entry: None, name: None };
+        Self { units: vec![unit], scene: None, orientation: Orientation::default() }
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::splat::format::{Listing, LoadError, PlyLayout, Source, SplatFormat, SplatWriter, UnitSource};
 use crate::splat::problem::Problem;
+use sg_scene::orientation::Orientation;
 
 /// A format whose units are PLY files.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +56,7 @@ impl SplatFormat for PlyFormat {
         let Some(find_units) = self.find_units.filter(|_| path.is_dir()) else { return Ok(Listing::of_file(path)) };
         let found = find_units(path).map_err(|problem| LoadError::Content { path: path.to_path_buf(), problem })?;
         let unit = |(name, path)| UnitSource { path, entry: None, name: Some(name) };
-        Ok(Listing { units: found.into_iter().map(unit).collect(), scene: None })
+        Ok(Listing { units: found.into_iter().map(unit).collect(), scene: None, orientation: Orientation::default() })
     }
 
     fn ply(&self) -> Option<PlyLayout> {

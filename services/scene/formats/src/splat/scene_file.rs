@@ -14,6 +14,7 @@ use crate::splat::toml_number::{exact_f32, row_major, transform};
 use crate::splat::unit_comments::{convention_name, shading_name};
 use crate::staged_file;
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
+use sg_scene::orientation::{Axis, LengthUnit, Orientation, PatientFrame};
 
 /// The version that is written, and the greatest that is read.
 const SCHEMA: i64 = 1;
@@ -27,6 +28,8 @@ const MAX_UNITS: usize = 4096;
 pub struct SceneFile {
     /// The stored box, if there is one; without it the box of the finite centres is taken.
     pub bounds: Option<SceneBox>,
+    /// Directions and length unit, as far as the file tells them.
+    pub orientation: Orientation,
     /// Base units in scene order.
     pub units: Vec<UnitEntry>,
 }
@@ -94,6 +97,8 @@ struct Document {
     #[serde(rename = "box")]
     bounds: Option<Spanned<BoxTable>>,
     #[serde(default)]
+    orientation: OrientationTable,
+    #[serde(default)]
     unit: Vec<UnitTable>,
 }
 
@@ -102,6 +107,33 @@ struct Document {
 struct BoxTable {
     min: [f64; 3],
     max: [f64; 3],
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OrientationTable {
+    patient: Option<Spanned<String>>,
+    unit: Option<Spanned<String>>,
+    up: Option<Spanned<String>>,
+}
+
+impl OrientationTable {
+    fn check(self) -> Result<Orientation, (Range<usize>, String)> {
+        fn value<T>(
+            name: Option<Spanned<String>>,
+            of_name: fn(&str) -> Option<T>,
+            what: &str,
+        ) -> Result<Option<T>, (Range<usize>, String)> {
+            let Some(name) = name else { return Ok(None) };
+            let found = of_name(name.get_ref());
+            found.map(Some).ok_or_else(|| (name.span(), format!("`{}` is no {what}", name.get_ref())))
+        }
+        Ok(Orientation {
+            patient: value(self.patient, PatientFrame::of_name, "frame of a patient; give LPS or RAS")?,
+            unit: value(self.unit, LengthUnit::of_name, "length unit; give m, mm or um")?,
+            up: value(self.up, Axis::of_name, "direction; give +X, -X, +Y, -Y, +Z or -Z")?,
+        })
+    }
 }
 
 #[derive(Deserialize)]
@@ -157,6 +189,7 @@ impl SceneFile {
             }
             bounds = Some(SceneBox { min: min.into(), max: max.into() });
         }
+        let orientation = document.orientation.check().map_err(|(span, message)| wrong(span, message))?;
         if let Some(extra) = document.unit.get(MAX_UNITS) {
             let message = format!("more than {MAX_UNITS} units; join some of their files");
             return Err(wrong(extra.name.span(), message));
@@ -176,7 +209,7 @@ impl SceneFile {
             }
             units.push(table.check().map_err(|(span, message)| wrong(span, message))?);
         }
-        Ok(Self { bounds, units })
+        Ok(Self { bounds, orientation, units })
     }
 
     /// The file of a scene whose units stand in `files`, in order, stored as used.
@@ -193,7 +226,11 @@ impl SceneFile {
             oriented_normals: Some(unit.oriented_normals),
             transfer_function: unit.transfer_function.clone(),
         };
-        Self { bounds: Some(scene.bounds), units: scene.units.iter().zip(files).map(entry).collect() }
+        Self {
+            bounds: Some(scene.bounds),
+            orientation: scene.orientation,
+            units: scene.units.iter().zip(files).map(entry).collect(),
+        }
     }
 
     /// The file's text; parsing it gives the same values, bit for bit.
@@ -203,6 +240,18 @@ impl SceneFile {
         if let Some(b) = self.bounds {
             // Writing into a String cannot fail.
             let _ = writeln!(text, "\n[box]\nmin = {}\nmax = {}", list(b.min.to_array()), list(b.max.to_array()));
+        }
+        let Orientation { patient, unit, up } = self.orientation;
+        let told = [
+            ("patient", patient.map(PatientFrame::name)),
+            ("unit", unit.map(LengthUnit::name)),
+            ("up", up.map(Axis::name)),
+        ];
+        if told.iter().any(|(_, name)| name.is_some()) {
+            let _ = writeln!(text, "\n[orientation]");
+        }
+        for (key, name) in told.into_iter().filter_map(|(key, name)| Some((key, name?))) {
+            let _ = writeln!(text, "{key} = {}", string(name));
         }
         for unit in &self.units {
             let mut line = |key: &str, value: Value| {
@@ -326,10 +375,17 @@ mod tests {
             oriented in proptest::option::of(any::<bool>()),
             convention in 0..4_usize,
             shading in 0..3_usize,
+            directions in (0..3_usize, 0..4_usize, 0..7_usize),
         ) {
             prop_assume!(!name.trim().is_empty());
             let file = SceneFile {
                 bounds: Some(SceneBox { min: DVec3::from_array(min), max: DVec3::from_array(min) + 1.0 }),
+                orientation: Orientation {
+                    patient: [None, Some(PatientFrame::Lps), Some(PatientFrame::Ras)][directions.0],
+                    unit: [None, Some(LengthUnit::Metre), Some(LengthUnit::Millimetre), Some(LengthUnit::Micrometre)]
+                        [directions.1],
+                    up: Axis::ALL.get(directions.2).copied(),
+                },
                 units: vec![UnitEntry {
                     name: name.clone(),
                     file: format!("sub/{}.ply", name.replace('/', "_")).into(),
@@ -351,7 +407,7 @@ mod tests {
         let file =
             parse("schema = 1\n[[unit]]\nname = \"bone\"\nfile = \"bone.ply\"\npalette = [1, 0, 0.5]\n").unwrap();
         let unit = &file.units[0];
-        assert_eq!(file.bounds, None);
+        assert_eq!((file.bounds, file.orientation), (None, Orientation::default()));
         assert_eq!((unit.opacity, unit.transform), (1.0, DMat4::IDENTITY));
         assert_eq!(unit.palette, Some(Vec3::new(1.0, 0.0, 0.5)));
         assert_eq!((unit.convention, unit.shading, unit.oriented_normals), (None, None, None));
@@ -372,6 +428,9 @@ mod tests {
             (format!("schema = 1\n{unit}transform = [1.0, 2.0]\n"), 5, 13, "16 finite numbers"),
             (format!("schema = 1\n{unit}convention = \"theirs\"\n"), 5, 14, "theirs"),
             (format!("schema = 1\n{unit}[box]\nmin = [0, 0, 0]\nmax = [-1, 0, 0]\n"), 5, 1, "min not above max"),
+            (format!("schema = 1\n{unit}[orientation]\npatient = \"LAS\"\n"), 6, 11, "LPS or RAS"),
+            (format!("schema = 1\n{unit}[orientation]\nunit = \"inch\"\n"), 6, 8, "m, mm or um"),
+            (format!("schema = 1\n{unit}[orientation]\nup = \"Z\"\n"), 6, 6, "give +X"),
             ("schema = 1\n".to_owned(), 2, 1, "no [[unit]]"),
             ("schema = 1\n[[unit]]\nname = \"a\"\n".to_owned(), 2, 1, "missing field `file`"),
             ("schema = \n".to_owned(), 1, 10, ""),

@@ -49,7 +49,11 @@ impl SplatFormat for SceneToml {
             entry: Some(entry),
             name: None,
         };
-        Ok(Listing { units: file.units.into_iter().map(unit).collect(), scene: Some((Format::SCENE, file.bounds)) })
+        Ok(Listing {
+            units: file.units.into_iter().map(unit).collect(),
+            scene: Some((Format::SCENE, file.bounds)),
+            orientation: file.orientation,
+        })
     }
 
     fn writer(&self) -> Option<SplatWriter> {
