@@ -390,7 +390,7 @@ fn the_first_bytes_tell_the_format_where_the_name_does_not() {
     let vti = b"<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 1 0 0 0 0\" Spacing=\"1 1 1\"><Piece><PointData>\
         <DataArray type=\"UInt8\" Name=\"c\" format=\"ascii\">5 6</DataArray></PointData></Piece></ImageData></VTKFile>";
     assert_eq!(read_volume(&put(dir.path(), "volume.xml", vti)).unwrap().scalars(), &Scalars::U8(vec![5, 6]));
-    let error = read_volume(&put(dir.path(), "volume.dcm", b"DICM")).unwrap_err().to_string();
+    let error = read_volume(&put(dir.path(), "volume.bin", b"DICM")).unwrap_err().to_string();
     assert!(error.contains("no known volume extension") && error.contains(".nii.gz"), "{error}");
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use sg_formats::Format;
+use sg_input::unreadable;
 use sg_scene::camera::Camera;
 use sg_scene::view::View;
 use sg_volume::ENDINGS;
@@ -28,7 +29,13 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
         camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
         return Ok(DroppedFile::View(seen_by(&camera, target)));
     }
-    if Format::is_scene_path(path) || ENDINGS.into_iter().any(|ending| name.ends_with(ending)) {
+    let is_readable = Format::is_scene_path(path) && !path.is_dir()
+        || path.join("scene.toml").exists()
+        || ENDINGS.into_iter().any(|ending| name.ends_with(ending));
+    if !is_readable && let Some(found) = unreadable::recognise(path) {
+        return Err(format!("{}: {found}", path.display()));
+    }
+    if Format::is_scene_path(path) || is_readable {
         return Ok(DroppedFile::Other);
     }
     Err(format!(
@@ -80,6 +87,13 @@ mod tests {
             ".",
         ] {
             assert_eq!(read(Path::new(name), DVec3::ZERO), Ok(DroppedFile::Other), "{name}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let slice = folder.path().join("IM0001");
+        std::fs::write(&slice, [vec![0; 128], b"DICM".to_vec()].concat()).unwrap();
+        for path in [&slice, folder.path(), Path::new("slice.dcm")] {
+            let said = read(path, DVec3::ZERO).unwrap_err();
+            assert!(said.ends_with("DICOM cannot be read; save it as NRRD from 3D Slicer"), "{said}");
         }
         for name in ["notes.pdf", "nrrd", "no-such-folder"] {
             let said = read(Path::new(name), DVec3::ZERO).unwrap_err();

@@ -10,7 +10,7 @@ use crate::splat::decode::{self, decode_unit};
 use crate::splat::format::{Decoded, FolderContent, Listing, START_LENGTH, Source, UnitSource};
 use crate::splat::{Format, Problem, Warning, WarningCode, palette};
 use crate::validation::NonFiniteCounts;
-use sg_input::{file, limits};
+use sg_input::{file, limits, unreadable};
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
 
 /// Properties that override those of the files.
@@ -47,8 +47,14 @@ pub struct Loaded {
 /// files' sizes, even if a header announces more. A file that several units name is read once.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let source = open_source(path)?;
-    let container =
-        Format::detect(&source).map_err(|problem| LoadError::Content { path: path.to_path_buf(), problem })?;
+    let content = |problem| LoadError::Content { path: path.to_path_buf(), problem };
+    // Any folder without a scene file could be one of iVR-GS.
+    if source.folder.is_some_and(|folder| !folder.has_scene_file)
+        && let Some(problem) = unreadable_problem(path)
+    {
+        return Err(content(problem));
+    }
+    let container = Format::detect(&source).map_err(|problem| content(unreadable_problem(path).unwrap_or(problem)))?;
     let listing = if source.is_ply() { Listing::of_file(path) } else { container.0.list(path)? };
     let mut reader = UnitReader::of(path, &listing.units, options)?;
     let (mut units, mut unit_formats, mut bounds): (Vec<BaseUnit>, _, _) = (Vec::new(), Vec::new(), None);
@@ -69,6 +75,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         warnings.push(Warning::new(WarningCode::Empty, "the scene holds no Gaussian"));
     }
     Ok(Loaded { scene, warnings, format, unit_formats })
+}
+
+/// The problem of a well-known format that has no reader.
+fn unreadable_problem(path: &Path) -> Option<Problem> {
+    unreadable::recognise(path).map(|found| Problem::new(found.place, found.what(), found.format.remedy))
 }
 
 /// The evidence of a path: its kind, its name, and the first bytes of a file.

@@ -20,7 +20,7 @@ use std::path::Path;
 use crate::volume::Volume;
 
 use format::SNIFFED_BYTES;
-use sg_input::file;
+use sg_input::{file, unreadable};
 use source::Source;
 
 pub use error::{ActualSize, ReadError, WriteError};
@@ -94,6 +94,9 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
     match format {
         Some(format) => format.read(source),
         None => {
+            if let Some(found) = unreadable::recognise(path) {
+                return Err(source.format(found.place, found.what(), found.format.remedy));
+            }
             let remedy = format!("give one of {}", ENDINGS.join(", "));
             Err(source.format("file name", "no known volume extension", remedy))
         }
@@ -131,6 +134,8 @@ mod tests {
             assert!(ending.starts_with('.') && ending.to_lowercase() == ending, "{ending}");
             assert_eq!(FORMATS.iter().filter(|f| f.has_ending(&format!("name{ending}"))).count(), 1, "{ending}");
             assert!(formats_help().contains(ending), "{ending}");
+            let refused = unreadable::UNREADABLE.iter().find(|f| f.endings.contains(&ending));
+            assert!(refused.is_none(), "{ending} can be read: {refused:?}");
         }
     }
 }

@@ -95,6 +95,8 @@ mod tests {
             assert!(Format::all().skip(k + 1).all(|other| other != format), "{format}");
             assert!(!format.extensions().is_empty() && !format.description().ends_with('.'), "{format}");
             assert!(format.extensions().iter().all(|e| e.starts_with('.') && e.to_lowercase() == *e), "{format}");
+            let refused = sg_input::unreadable::UNREADABLE.iter().flat_map(|f| f.endings);
+            assert!(!refused.into_iter().any(|e| format.extensions().contains(e)), "{format} can be read");
         }
         let error = "gltf".parse::<Format>().unwrap_err().to_string();
         assert!(names().iter().all(|name| error.contains(name)), "{error}");

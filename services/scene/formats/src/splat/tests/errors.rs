@@ -204,3 +204,23 @@ fn an_empty_scene_is_a_scene() {
         assert!(loaded.scene.is_empty() && codes(&loaded).contains(&WarningCode::Empty), "{format}");
     }
 }
+
+#[test]
+fn well_known_formats_without_a_reader_get_a_way() {
+    let folder = Folder::new();
+    for (name, content, line) in [
+        ("a.spz", &b"\x1f\x8b\x08"[..], ": SPZ cannot be read; convert it to .ply"),
+        ("a.bin", b"glTF\x02", "content: glTF cannot be read; export it as STL"),
+        ("a.ksplat", b"", "file name: KSPLAT cannot be read; convert it to .ply"),
+    ] {
+        let path = folder.path(name);
+        std::fs::write(&path, content).unwrap();
+        let said = load(&path, &LoadOptions::default()).unwrap_err().to_string();
+        assert!(said.starts_with(&path.display().to_string()) && said.contains(line), "{said}");
+    }
+    let slices = folder.path("slices");
+    std::fs::create_dir(&slices).unwrap();
+    std::fs::write(slices.join("1"), [&[0; 128][..], b"DICM"].concat()).unwrap();
+    let said = load(&slices, &LoadOptions::default()).unwrap_err().to_string();
+    assert!(said.contains("folder: DICOM cannot be read; save it as NRRD"), "{said}");
+}
