@@ -162,11 +162,10 @@ fn folder(path: &Path, name: &str) -> Option<&'static UnreadableFormat> {
     }
     let entries = std::fs::read_dir(path).ok()?;
     let files = entries.take(ENTRIES).flatten().map(|entry| entry.path());
-    let found = files.filter(|file| file.is_file()).find_map(|file| {
+    files.filter(|file| file.is_file()).find_map(|file| {
         let start = file::read_start(&file, START).ok()?;
         UNREADABLE.first().filter(|dicom| dicom.has_magic(&start))
-    });
-    found
+    })
 }
 
 #[cfg(test)]
