@@ -236,6 +236,7 @@ fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
         opacity: base.opacity,
         visible: base.visible,
         deleted: base.deleted as u64,
+        locked: base.locked,
     }
 }
 
@@ -248,6 +249,7 @@ fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
         opacity: base.opacity,
         visible: base.visible,
         deleted: count(base.deleted, "base_unit.deleted")?,
+        locked: base.locked,
     })
 }
 
@@ -262,6 +264,7 @@ fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
         visible: unit.visible,
         derived: unit.derived,
         deleted: unit.deleted.as_deref().filter(|_| with_mask).map(encode_mask),
+        locked: unit.locked,
     }
 }
 
@@ -272,6 +275,7 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
         name: unit.name.clone(),
         mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
         deleted: decode_optional(unit.deleted.as_ref(), expected, "unit.deleted")?,
+        locked: unit.locked,
         color: unit.color.as_ref().map(decode_color),
         opacity: unit.opacity,
         visible: unit.visible,
