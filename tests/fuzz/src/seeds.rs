@@ -20,8 +20,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, NamedView, Orbit, Redo, RenameUnit,
-    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetOpacity, SetTerm, SetView,
-    SetVisibility, ShowOnly, Target, Undo,
+    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
+    SetView, SetVisibility, ShowOnly, Target, Undo,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -442,6 +442,7 @@ fn some_commands() -> Vec<Command> {
         Action::DeleteUnit(DeleteUnit { name: "neck".into() }),
         Action::DeleteGaussians(DeleteGaussians { target: selection() }),
         Action::RestoreGaussians(RestoreGaussians {}),
+        Action::SetLock(SetLock { target: selection(), locked: true }),
         Action::Reset(Reset {}),
     ];
     let numbered = (1..).zip(actions);

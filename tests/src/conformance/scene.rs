@@ -5,7 +5,7 @@ use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, RestoreGaussians, Select,
-    SetBackground, SetColor, SetOpacity, State, Target, Undo,
+    SetBackground, SetColor, SetLock, SetOpacity, State, Target, Undo,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -150,10 +150,18 @@ async fn deletes(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(select()).await?;
     let again = stage.scene_state().await?;
     hold(whole(&again) == left, || format!("{} selected of the {left} that exist", whole(&again)))?;
+    // What is locked is neither selected nor deleted.
+    stage.change(Action::SetLock(SetLock { target: named("body"), locked: true })).await?;
+    let none = stage.scene_state().await?;
+    hold(whole(&none) == 0, || format!("{} of a locked unit stay selected", whole(&none)))?;
+    let id = stage.new_id();
+    let action = Some(Action::DeleteGaussians(DeleteGaussians { target: named("body") }));
+    let refused = Question::of(&keys::SCENE_APPLY, &Command { id: id.clone(), expected_revision: 0, action });
+    refused_as(stage.put(&refused, &id).await, &[Code::FailedPrecondition])?;
     stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?;
     let restored = stage.scene_state().await?;
     hold(of(&restored) == of(&before), || format!("not all came back: {:?}", of(&restored)))?;
-    stage.change(Action::Undo(Undo { steps: 3 })).await?;
+    stage.change(Action::Undo(Undo { steps: 5 })).await?;
     let undone = stage.scene_state().await?;
     hold(of(&undone) == of(&before), || format!("undo left {:?}", of(&undone)))
 }

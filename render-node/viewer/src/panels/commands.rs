@@ -6,7 +6,7 @@ use sg_edit::wire::{encode_axis, encode_color, encode_mask};
 use sg_edit::{EditError, EditState, Part};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    CommitSelection, DeleteGaussians, SetColor, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view,
+    CommitSelection, DeleteGaussians, SetColor, SetLock, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view,
 };
 use sg_scene::orientation::Axis;
 
@@ -37,6 +37,11 @@ pub(super) fn set_opacity(name: &str, factor: f32) -> Action {
 /// Shows or hides.
 pub(super) fn set_visibility(target: Target, visible: bool) -> Action {
     Action::SetVisibility(SetVisibility { target: Some(target), visible })
+}
+
+/// Locks a unit, or unlocks it.
+pub(super) fn set_lock(name: &str, locked: bool) -> Action {
+    Action::SetLock(SetLock { target: Some(unit(name)), locked })
 }
 
 /// Shows one unit and hides all else.

@@ -172,7 +172,9 @@ impl Panels {
             ),
             ("crop", "deletes everything but the selection, hidden Gaussians too (Shift+Delete)", crop_to_selection()),
         ] {
-            let button = ui.add_enabled(stored, Button::new(text)).on_hover_text(does);
+            // Without anything else there is nothing to crop.
+            let all = text == "crop" && state.scene.selection().mask().count() == state.scene.existing_count();
+            let button = ui.add_enabled(stored && !all, Button::new(text)).on_hover_text(does);
             if button.on_disabled_hover_text(NOTHING_SELECTED).clicked() {
                 output.change(action);
             }

@@ -24,7 +24,6 @@ pub struct Panels {
     pub numbers: Option<attributes::Legend>,
     pub(super) curves: Vec<Option<Curve>>,
     pub(super) chosen: Option<UnitRef>,
-    pub(super) locked: Vec<UnitRef>,
     pub(super) held: Option<ActiveEdit>,
     pub(super) text_input: TextInput,
     /// Name of the panel that is being drawn.

@@ -33,6 +33,7 @@ struct Row {
     color: Option<Vec3>,
     opacity: f32,
     visible: bool,
+    locked: bool,
 }
 
 /// How the line of a unit uses its width, points.
@@ -87,6 +88,7 @@ impl Panels {
                 color: Some(base.palette),
                 opacity: base.opacity,
                 visible: base.visible,
+                locked: base.locked,
             };
             self.row(ui, state, &row, output);
         }
@@ -101,6 +103,7 @@ impl Panels {
                 color: unit.color,
                 opacity: unit.opacity,
                 visible: unit.visible,
+                locked: unit.locked,
             };
             self.row(ui, state, &row, output);
         }
@@ -108,7 +111,7 @@ impl Panels {
 
     fn row(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, output: &mut Output) {
         let chosen = self.chosen == Some(row.unit);
-        let free = !self.locked.contains(&row.unit);
+        let free = !row.locked;
         // A scene may have a thousand units; a panel shows only about twenty.
         let place =
             Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), LineLayout::of(ui, state, row).height));
@@ -149,11 +152,7 @@ impl Panels {
             }
             let does = if free { format!("lock {}", row.name) } else { format!("unlock {}", row.name) };
             if icon(ui, Icon::Lock, !free, &does) {
-                if free {
-                    self.locked.push(row.unit);
-                } else {
-                    self.locked.retain(|u| *u != row.unit);
-                }
+                output.change(commands::set_lock(&row.name, free));
             }
         });
         if layout.two_lines {
@@ -252,7 +251,7 @@ impl Panels {
         });
     }
 
-    /// Controls of the selection and the view; they ignore the unit's lock.
+    /// Controls of the selection and the view.
     fn pick(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
         let select = |operation: SetOperation| {
             Action::Select(Select { target: Some(commands::unit(&row.name)), operation: operation.into() })
@@ -263,7 +262,10 @@ impl Panels {
                 ("add to selection", SetOperation::Add),
                 ("take from selection", SetOperation::Remove),
             ] {
-                if ui.button(text).clicked() {
+                // Nothing of a locked unit is selected.
+                let enabled = !row.locked || operation == SetOperation::Remove;
+                let button = ui.add_enabled(enabled, Button::new(text)).on_disabled_hover_text("it is locked");
+                if button.clicked() {
                     output.change(select(operation));
                 }
             }

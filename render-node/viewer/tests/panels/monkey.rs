@@ -68,6 +68,8 @@ fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
         Err(EditError::NothingToUndo | EditError::NothingToRedo) => {}
         // Names are the person's own, and nothing may be left to look at.
         Err(EditError::NameTaken(_) | EditError::BaseUnit { .. } | EditError::NothingToSee(_)) => {}
+        // Units overlap, so a unit that is free may share Gaussians with a locked one; the refusal names the one to unlock.
+        Err(EditError::Locked(_)) => {}
         Err(error) => panic!("{action:?}: {error}"),
     }
 }

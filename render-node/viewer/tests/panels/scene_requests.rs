@@ -1,11 +1,13 @@
 //! Scene control: the requests of each control, and the controls that are not drawn.
 
+use std::sync::Arc;
+
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     Color, DeleteUnit, LightMode, NamedView, Redo, RenameUnit, Reset, Select, SetBackground, SetColor, SetLight,
-    SetOperation, SetTerm, SetView, SetVisibility, ShadingTerm, ShowOnly, Target, Undo, Vector, set_view,
+    SetLock, SetOperation, SetTerm, SetView, SetVisibility, ShadingTerm, ShowOnly, Target, Undo, Vector, set_view,
 };
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::color_map::ColorMap;
@@ -157,7 +159,11 @@ fn colours_are_chosen_from_swatches_and_sliders() {
 #[test]
 fn a_locked_unit_is_left_alone() {
     let mut panel = scene();
-    press(&mut panel, "lock sac");
+    let lock = |locked| Action::SetLock(SetLock { target: named("sac"), locked });
+    assert_eq!(asks(&mut panel, "lock sac"), lock(true));
+    let locked = panel.state().shown.scene.after(&crate::stage::scene(), lock(true)).unwrap();
+    panel.state_mut().shown.scene = Arc::new(locked);
+    panel.run();
     panel.state_mut().asked.clear();
     press(&mut panel, "hide sac");
     press(&mut panel, "colour of sac");
@@ -165,13 +171,18 @@ fn a_locked_unit_is_left_alone() {
     let frames = drag(&mut panel, "opacity of sac", 0.1);
     assert_eq!(frames, []);
     press(&mut panel, "sac");
-    press(&mut panel, "Remove name");
-    press(&mut panel, "rename");
-    assert_eq!(panel.state().asked, []);
+    for label in ["Remove name", "rename", "select", "add to selection"] {
+        press(&mut panel, label);
+        assert_eq!(panel.state().asked, [], "{label}");
+    }
     // Actions that do not change it still work, as does another unit.
-    assert!(matches!(asks(&mut panel, "select"), Action::Select(_)));
+    assert!(matches!(asks(&mut panel, "take from selection"), Action::Select(_)));
+    assert!(matches!(asks(&mut panel, "solo"), Action::ShowOnly(_)));
     assert!(matches!(asks(&mut panel, "hide neck"), Action::SetVisibility(_)));
-    press(&mut panel, "unlock sac");
+    assert_eq!(asks(&mut panel, "unlock sac"), lock(false));
+    let free = panel.state().shown.scene.after(&crate::stage::scene(), lock(false)).unwrap();
+    panel.state_mut().shown.scene = Arc::new(free);
+    panel.run();
     assert!(matches!(asks(&mut panel, "hide sac"), Action::SetVisibility(_)));
 }
 
@@ -193,7 +204,7 @@ fn light_shading_and_background() {
     assert_eq!(asks(&mut panel, "white"), Action::SetBackground(SetBackground { color: white }));
 
     let state = panel.state().shown.scene.after(&crate::stage::scene(), from(LightMode::Direction, None)).unwrap();
-    panel.state_mut().shown.scene = std::sync::Arc::new(state);
+    panel.state_mut().shown.scene = Arc::new(state);
     panel.run();
     let frames = drag(&mut panel, "height", 0.5);
     assert!(changes(&frames).len() <= 1);

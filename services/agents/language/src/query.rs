@@ -19,6 +19,7 @@ struct UnitSummary<'s> {
     color: Option<&'s Color>,
     opacity: f32,
     visible: bool,
+    locked: bool,
     kind: &'static str,
 }
 
@@ -35,6 +36,7 @@ fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
         color: u.palette.as_ref(),
         opacity: u.opacity,
         visible: u.visible,
+        locked: u.locked,
         kind: "from the scene file",
     });
     let saved = state.units.iter().map(|u| UnitSummary {
@@ -43,6 +45,7 @@ fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
         color: u.color.as_ref(),
         opacity: u.opacity,
         visible: u.visible,
+        locked: u.locked,
         kind: if u.derived { "made by a command" } else { "saved" },
     });
     base.chain(saved).collect()
@@ -61,12 +64,13 @@ fn line(unit: &UnitSummary<'_>, state: &State, frame: Option<&Frame>) -> String 
         _ => String::new(),
     };
     format!(
-        "{}: {} Gaussians ({} of the scene), {color}, opacity {}, {}{covered} ({})",
+        "{}: {} Gaussians ({} of the scene), {color}, opacity {}, {}{}{covered} ({})",
         unit.name,
         grouped(unit.count),
         percent(share),
         percent(unit.opacity.into()),
         if unit.visible { "visible" } else { "hidden" },
+        if unit.locked { ", locked" } else { "" },
         unit.kind,
     )
 }

@@ -79,6 +79,10 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
             let (what, verb) = subject(delete.target.as_ref());
             format!("{what} {verb} deleted. “undo” brings it back.")
         }
+        Action::SetLock(set) => {
+            let (what, verb) = subject(set.target.as_ref());
+            format!("{what} {verb} {} now.", if set.locked { "locked" } else { "unlocked" })
+        }
         Action::RestoreGaussians(_) => "Everything deleted is back.".to_owned(),
         Action::DeleteUnit(delete) => {
             format!("Removed the name “{}”. Its Gaussians stay; “undo” restores the name.", delete.name)

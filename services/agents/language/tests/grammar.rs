@@ -160,6 +160,8 @@ fn short(clause: &Clause) -> String {
         Act::Label => format!("label {}", clause.name),
         Act::Rename => format!("rename {about} -> {}", clause.name),
         Act::Delete => format!("unname {about}"),
+        Act::Lock => format!("lock {about}"),
+        Act::Unlock => format!("unlock {about}"),
         Act::DeleteGaussians => format!("delete {about}"),
         Act::Describe => format!("describe {about}"),
         Act::QuerySelection => "selection?".to_owned(),

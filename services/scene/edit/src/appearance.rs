@@ -15,6 +15,7 @@ impl Transaction<'_> {
     pub(super) fn set_color(&mut self, command: &SetColor) -> Result<String, EditError> {
         let color = command.color.as_ref().map(|c| command_number::color(c, "set_color.color")).transpose()?;
         let target = self.state.resolve(command.target.as_ref())?;
+        self.refuse_locked(&target)?;
         for unit in self.base_and_named(&target) {
             match unit {
                 UnitRef::Base(i) => {
@@ -51,6 +52,7 @@ impl Transaction<'_> {
         const FIELD: &str = "set_opacity.factor";
         let factor = command_number::factor(command.factor, FIELD)?;
         let target = self.state.resolve(command.target.as_ref())?;
+        self.refuse_locked(&target)?;
         let changed =
             |present: f32| if command.relative { command_number::factor(present * factor, FIELD) } else { Ok(factor) };
         for unit in self.base_and_named(&target) {
@@ -98,6 +100,7 @@ impl Transaction<'_> {
         if command.visible {
             self.show(&target, true)?;
         } else {
+            self.refuse_locked(&target)?;
             for unit in self.base_and_named(&target) {
                 match unit {
                     UnitRef::Base(i) => {

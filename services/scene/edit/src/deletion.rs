@@ -48,6 +48,7 @@ impl Transaction<'_> {
         if target.members.is_none() {
             return Err(EditError::EmptyTarget(target.phrase));
         }
+        self.refuse_locked(&target)?;
         for unit in self.state.units.values_mut().filter(|u| u.mask.intersects(&target.members)) {
             let mut gone = (*unit.mask).clone();
             gone.intersect_with(&target.members);

@@ -137,7 +137,17 @@ impl Transaction<'_> {
             self.state.free_name(stem)
         };
         let mask = Arc::new(members.clone());
-        self.insert(Unit { id, name, mask, color: None, opacity: 1.0, visible: true, derived: true, deleted: None });
+        self.insert(Unit {
+            id,
+            name,
+            mask,
+            color: None,
+            opacity: 1.0,
+            visible: true,
+            derived: true,
+            deleted: None,
+            locked: false,
+        });
         Ok(id)
     }
 }

@@ -209,6 +209,7 @@ impl Editor {
             Action::DeleteUnit(a) => transaction.delete_unit(a)?,
             Action::RenameUnit(a) => transaction.rename_unit(a)?,
             Action::DeleteGaussians(a) => transaction.delete_gaussians(a)?,
+            Action::SetLock(a) => transaction.set_lock(a)?,
             Action::RestoreGaussians(_) => transaction.restore_gaussians()?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.

@@ -127,13 +127,15 @@ impl Transaction<'_> {
     }
 
     /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
-    /// Gaussians stay deleted.
+    /// Gaussians stay deleted, and locked units keep their look.
     pub(super) fn reset(&mut self) -> String {
         for (base, initial) in self.state.base.iter_mut().zip(&self.initial.base) {
-            *base = BaseUnitState { deleted: base.deleted, ..initial.clone() };
+            if !base.locked {
+                *base = BaseUnitState { deleted: base.deleted, ..initial.clone() };
+            }
         }
-        self.state.units.retain(|_, unit| !unit.derived);
-        for unit in self.state.units.values_mut() {
+        self.state.units.retain(|_, unit| !unit.derived || unit.locked);
+        for unit in self.state.units.values_mut().filter(|unit| !unit.locked) {
             (unit.color, unit.opacity, unit.visible) = (None, 1.0, true);
         }
         self.state.light = self.initial.light;

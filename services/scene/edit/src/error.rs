@@ -48,6 +48,9 @@ pub enum EditError {
     /// There is nothing visible to look at.
     #[error("{0} has no visible Gaussian at a finite position; there is nothing to look at")]
     NothingToSee(String),
+    /// The command would change Gaussians of a locked unit, or the unit.
+    #[error("`{0}` is locked; unlock it first")]
+    Locked(String),
     /// No Gaussian is deleted.
     #[error("nothing is deleted; there is nothing to restore")]
     NothingDeleted,
@@ -138,6 +141,7 @@ impl EditError {
             | Self::NothingSelected
             | Self::EmptyTarget(_)
             | Self::NothingToSee(_)
+            | Self::Locked(_)
             | Self::NothingDeleted
             | Self::NothingToUndo
             | Self::NothingToRedo

@@ -42,6 +42,7 @@ mod editor;
 mod environment;
 mod error;
 mod history;
+mod lock;
 mod membership;
 mod names;
 mod replica;

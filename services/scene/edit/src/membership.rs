@@ -30,7 +30,7 @@ impl Transaction<'_> {
         let missing = || EditError::Malformed { field: FIELD, reason: "the mask is missing; send one".to_owned() };
         let mask = command.mask.as_ref().ok_or_else(missing)?;
         let mut mask = decode_mask(mask, self.state.count(), FIELD).map_err(|e| malformed(&e))?;
-        mask.subtract(&self.state.deleted);
+        mask.subtract(&self.state.unselectable());
         let steps = steps_of(&command.strokes, &command.steps);
         check_steps(&steps, self.state.count())?;
         let count = mask.count();
@@ -69,6 +69,9 @@ impl Transaction<'_> {
             return Ok(CLEARED.to_owned());
         }
         let target = self.state.resolve(command.target.as_ref())?;
+        if operation != SetOperation::Remove {
+            self.refuse_locked_units(&target.named)?;
+        }
         let mut mask = (**self.state.selection.mask()).clone();
         match operation {
             SetOperation::Unspecified | SetOperation::Replace => mask = target.members,
@@ -76,6 +79,7 @@ impl Transaction<'_> {
             SetOperation::Remove => mask.subtract(&target.members),
             SetOperation::Intersect => mask.intersect_with(&target.members),
         }
+        mask.subtract(&self.state.unselectable());
         let count = gaussians(mask.count());
         self.select_mask(mask);
         let phrase = target.phrase;
@@ -113,6 +117,9 @@ impl Transaction<'_> {
                 return Err(EditError::NameTaken(unit.name.clone()));
             }
             let name = unit.name.clone();
+            if unit.locked {
+                return Err(EditError::Locked(name));
+            }
             (unit.mask, unit.deleted) = (mask, None);
             self.focus_on(vec![name.clone()]);
             return Ok(format!("replaced {name} with the selection: {count}"));
@@ -129,7 +136,17 @@ impl Transaction<'_> {
         });
         self.yield_name(&name);
         let id = self.fresh_id()?;
-        self.insert(Unit { id, name: name.clone(), mask, deleted: None, color, opacity, visible, derived: false });
+        self.insert(Unit {
+            id,
+            name: name.clone(),
+            mask,
+            deleted: None,
+            color,
+            opacity,
+            visible,
+            derived: false,
+            locked: false,
+        });
         self.focus_on(vec![name.clone()]);
         Ok(format!("saved the selection as {name}: {count}"))
     }
@@ -174,7 +191,10 @@ impl Transaction<'_> {
         let unit = self.state.find(name)?;
         let name = self.state.name_of(unit).unwrap_or_default().to_owned();
         match unit {
-            UnitRef::Editable(id) => Ok((id, name)),
+            UnitRef::Editable(id) => {
+                self.refuse_locked_units(&[unit])?;
+                Ok((id, name))
+            }
             UnitRef::Base(_) => Err(EditError::BaseUnit { name, verb, remedy }),
         }
     }

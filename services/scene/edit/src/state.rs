@@ -33,6 +33,8 @@ pub struct BaseUnitState {
     pub visible: bool,
     /// Number of its Gaussians that are deleted; `count` includes them.
     pub deleted: usize,
+    /// Whether edits of its Gaussians are refused.
+    pub locked: bool,
 }
 
 impl BaseUnitState {
@@ -68,6 +70,8 @@ pub struct Unit {
     pub visible: bool,
     /// Created by a command on unnamed Gaussians, not saved by name.
     pub derived: bool,
+    /// Whether edits of its Gaussians are refused.
+    pub locked: bool,
 }
 
 impl Unit {
@@ -180,6 +184,7 @@ impl EditState {
             opacity: look.opacity,
             visible: look.visible,
             deleted: 0,
+            locked: false,
         });
         let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
         Self {
@@ -463,8 +468,8 @@ impl EditState {
 
 /// Equality of units that does not read masks which are the same allocation.
 fn same(a: &Unit, b: &Unit) -> bool {
-    (a.id, &a.name, a.color, a.opacity, a.visible, a.derived)
-        == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived)
+    (a.id, &a.name, a.color, a.opacity, a.visible, a.derived, a.locked)
+        == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived, b.locked)
         && (Arc::ptr_eq(&a.mask, &b.mask) || a.mask == b.mask)
         && a.deleted == b.deleted
 }

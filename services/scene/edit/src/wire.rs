@@ -268,6 +268,7 @@ fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
         opacity: base.opacity,
         visible: base.visible,
         deleted: base.deleted as u64,
+        locked: base.locked,
     }
 }
 
@@ -280,6 +281,7 @@ fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
         opacity: base.opacity,
         visible: base.visible,
         deleted: count(base.deleted, "base_unit.deleted")?,
+        locked: base.locked,
     })
 }
 
@@ -294,6 +296,7 @@ fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
         visible: unit.visible,
         derived: unit.derived,
         deleted: unit.deleted.as_deref().filter(|_| with_mask).map(encode_mask),
+        locked: unit.locked,
     }
 }
 
@@ -304,6 +307,7 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
         name: unit.name.clone(),
         mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
         deleted: decode_optional(unit.deleted.as_ref(), expected, "unit.deleted")?,
+        locked: unit.locked,
         color: unit.color.as_ref().map(decode_color),
         opacity: unit.opacity,
         visible: unit.visible,

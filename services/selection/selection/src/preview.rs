@@ -18,7 +18,7 @@ pub struct Preview {
     session: SelectionSession,
     stroke: Stroke,
     open: OpenStroke,
-    /// Number of Gaussians under the stroke, without deleted ones.
+    /// Number of Gaussians under the stroke, without those that are left out.
     hits: usize,
     /// Hit clusters, for cluster strokes; empty otherwise.
     hit_clusters: Vec<bool>,

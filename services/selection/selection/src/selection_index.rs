@@ -30,8 +30,8 @@ pub struct SelectionIndex {
     bounds: SceneBox,
     brush: Arc<Brush>,
     /// Gaussians that no stroke hits, no operation finds and no walk crosses.
-    deleted: Arc<Mask>,
-    /// Cluster of each Gaussian; `None` for deleted ones.
+    left_out: Arc<Mask>,
+    /// Cluster of each Gaussian; `None` for those that are left out.
     labels: Arc<[Option<u32>]>,
     clusters: ClusterMembers,
     walks: WalkIndex,
@@ -61,7 +61,7 @@ impl SelectionIndex {
         Self {
             bounds: scene.bounds,
             brush: Arc::new(Brush::of_scene(scene)),
-            deleted: Arc::new(Mask::empty(scene.len())),
+            left_out: Arc::new(Mask::empty(scene.len())),
             clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_clusters(scene, clustering, graph, Arc::clone(&labels), options),
             labels,
@@ -82,7 +82,7 @@ impl SelectionIndex {
         Self {
             bounds: scene.bounds,
             brush: Arc::new(Brush::of_geometry(geometry)),
-            deleted: Arc::new(Mask::empty(scene.len())),
+            left_out: Arc::new(Mask::empty(scene.len())),
             clusters: ClusterMembers::new(labels.iter().copied(), clustering.clusters.len()),
             walks: WalkIndex::of_gaussians(scene, geometry, options),
             labels,
@@ -96,20 +96,20 @@ impl SelectionIndex {
         Self { operation_context: Some(Arc::new(operation_context)), ..self }
     }
 
-    /// The index of the same scene without some Gaussians. They have no cluster, no stroke hits them, and no operation finds
-    /// them. A walk does not cross a cluster that is wholly deleted. Clusters and indices stay.
+    /// The index of the same scene without some Gaussians, such as deleted ones. They have no cluster, no stroke hits them, and no operation finds
+    /// them. A walk does not cross a cluster that is wholly left out. Clusters and indices stay.
     ///
-    /// This index must be that of the whole scene: what an earlier deletion took is not known any more.
+    /// This index must be that of the whole scene: what an earlier call took is not known any more.
     #[must_use]
-    pub fn without(&self, deleted: &Arc<Mask>) -> Self {
+    pub fn without(&self, left_out: &Arc<Mask>) -> Self {
         let labels: Arc<[Option<u32>]> =
-            self.labels.iter().enumerate().map(|(g, label)| label.filter(|_| !deleted.get(g))).collect();
+            self.labels.iter().enumerate().map(|(g, label)| label.filter(|_| !left_out.get(g))).collect();
         Self {
             bounds: self.bounds,
             brush: Arc::clone(&self.brush),
-            deleted: Arc::clone(deleted),
+            left_out: Arc::clone(left_out),
             clusters: ClusterMembers::new(labels.iter().copied(), self.clusters.count()),
-            walks: self.walks.without(deleted),
+            walks: self.walks.without(left_out),
             labels,
             operation_context: self.operation_context.clone(),
         }
@@ -117,13 +117,13 @@ impl SelectionIndex {
 
     /// Gaussians that this index leaves out.
     #[must_use]
-    pub fn deleted(&self) -> &Arc<Mask> {
-        &self.deleted
+    pub fn left_out(&self) -> &Arc<Mask> {
+        &self.left_out
     }
 
-    /// Whether a Gaussian is not deleted.
+    /// Whether a Gaussian is not left out.
     pub(crate) fn has(&self, gaussian: u32) -> bool {
-        !self.deleted.get(gaussian as usize)
+        !self.left_out.get(gaussian as usize)
     }
 
     /// The context of operations, if there is one.
@@ -186,7 +186,7 @@ impl SelectionIndex {
         self.walks.unit_of_node(node)
     }
 
-    /// Gaussians under a stroke, ascending. A walk stroke that hits no Gaussian returns the nearest one, unless that is deleted.
+    /// Gaussians under a stroke, ascending. A walk stroke that hits no Gaussian returns the nearest one, unless that is left out.
     #[must_use]
     pub fn hits(&self, stroke: &Stroke) -> Vec<u32> {
         let (samples, radius) = stroke.in_scene(&self.bounds);

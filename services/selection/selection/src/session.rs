@@ -413,12 +413,12 @@ fn apply(index: &SelectionIndex, mask: &mut Mask, applied: &AppliedStep) -> Resu
         Step::Operation(operation) => {
             let context = index.operation_context().ok_or(SelectionError::NoOperationContext)?;
             context.apply(operation, mask)?;
-            mask.subtract(index.deleted());
+            mask.subtract(index.left_out());
             return Ok(());
         }
         Step::FixedMask(fixed) => {
             mask.union_with(fixed);
-            mask.subtract(index.deleted());
+            mask.subtract(index.left_out());
             return Ok(());
         }
         Step::Exclude(excluded) => {

@@ -140,15 +140,15 @@ struct OpenStroke {
     name: String,
     /// Hash of the selection below the stroke.
     over: String,
-    /// Gaussians that were deleted then.
-    deleted: Arc<Mask>,
+    /// Gaussians that could not be selected then.
+    unselectable: Mask,
     preview: Preview,
 }
 
 /// The actor of the selection. It handles one request at a time.
 struct Selector {
     bus: Bus,
-    /// The index of the scene as it was opened, without deletions.
+    /// The index of the whole scene, as it was opened.
     whole: Arc<SelectionIndex>,
     session: SelectionSession,
     scene: SceneReplica<Replica>,
@@ -301,15 +301,15 @@ impl Selector {
         SelectionSession::of_steps(&index, &steps).map_err(|e| Fault::internal(e.to_string()))
     }
 
-    /// The index without the Gaussians that are deleted in `state`: that of the session, unless others are deleted now.
+    /// The index without the Gaussians that are deleted or locked in `state`: that of the session, unless these are others now.
     fn index_of(&self, state: &EditState) -> Arc<SelectionIndex> {
-        let (index, deleted) = (self.session.index(), state.deleted());
-        if is_same(index.deleted(), deleted) {
+        let (index, unselectable) = (self.session.index(), state.unselectable());
+        if **index.left_out() == unselectable {
             Arc::clone(index)
-        } else if deleted.is_none() {
+        } else if unselectable.is_none() {
             Arc::clone(&self.whole)
         } else {
-            Arc::new(self.whole.without(deleted))
+            Arc::new(self.whole.without(&Arc::new(unselectable)))
         }
     }
 
@@ -353,10 +353,11 @@ impl Selector {
         let stroke = wire::decode_stroke(samples)?;
         let state = self.local_state();
         let over = state.selection().hash();
+        let unselectable = state.unselectable();
         let goes_on = self
             .open
             .as_ref()
-            .is_some_and(|o| o.name == request.stroke && o.over == over && is_same(&o.deleted, state.deleted()));
+            .is_some_and(|o| o.name == request.stroke && o.over == over && o.unselectable == unselectable);
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
             // The selection below has changed: replay the stroke over the new one.
@@ -366,8 +367,7 @@ impl Selector {
                 let Stroke { points, pressure, .. } = earlier.preview.stroke();
                 preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
             }
-            let deleted = Arc::clone(state.deleted());
-            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), deleted, preview });
+            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), unselectable, preview });
             self.session = session;
         }
         let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
@@ -470,7 +470,7 @@ impl Selector {
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
         let selected = self.session.mask().count();
-        let existing = self.session.mask().len() - self.session.index().deleted().count();
+        let existing = self.local_state().existing_count();
         let mut line = format!("{selected} of {existing} Gaussians selected");
         if summary.conflicts > 0 {
             line.push_str(&format!("; {} clusters were brushed both ways", summary.conflicts));
@@ -499,11 +499,6 @@ fn hidden(state: &EditState, kept: Option<&Mask>) -> Mask {
     // A selection leaves out deleted ones anyway.
     hidden.subtract(state.deleted());
     hidden
-}
-
-/// Whether two masks have the same Gaussians; quick where they are one.
-fn is_same(a: &Arc<Mask>, b: &Arc<Mask>) -> bool {
-    Arc::ptr_eq(a, b) || a == b
 }
 
 /// The fault of a rejected step.

@@ -10,6 +10,7 @@ mod frame;
 pub(crate) mod help;
 mod history;
 mod light;
+mod lock;
 mod naming;
 mod opacity;
 mod orbit;

@@ -7,7 +7,7 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    background, color, delete, frame, help as help_command, history, light, naming, opacity, orbit, question,
+    background, color, delete, frame, help as help_command, history, light, lock, naming, opacity, orbit, question,
     selection, shading, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
@@ -33,6 +33,8 @@ pub(crate) const TABLE: &[Command] = &[
     delete::DELETE_GAUSSIANS,
     delete::RESTORE_GAUSSIANS,
     delete::REMOVE_NAME,
+    lock::LOCK,
+    lock::UNLOCK,
     question::LIST,
     question::QUERY_SELECTION,
     question::DESCRIBE,

@@ -3,6 +3,7 @@
 mod commands;
 mod deletion;
 mod edited;
+mod lock;
 mod properties;
 
 use std::sync::Arc;
@@ -10,8 +11,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Color, Command, CommitSelection, DeleteGaussians, RestoreGaussians, SaveUnit, SetColor, SetOpacity, SetVisibility,
-    ShowOnly, Target,
+    Color, Command, CommitSelection, DeleteGaussians, RestoreGaussians, SaveUnit, SetColor, SetLock, SetOpacity,
+    SetVisibility, ShowOnly, Target,
 };
 
 use super::wire::encode_mask;
@@ -80,6 +81,10 @@ fn delete(target: Target) -> Action {
 
 fn restore() -> Action {
     Action::RestoreGaussians(RestoreGaussians {})
+}
+
+fn lock(target: Target, locked: bool) -> Action {
+    Action::SetLock(SetLock { target: Some(target), locked })
 }
 
 fn save(name: &str) -> Action {

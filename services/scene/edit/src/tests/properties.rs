@@ -45,6 +45,7 @@ fn action() -> impl Strategy<Value = Action> {
         3 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => on().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        1 => (on(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
         1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
         1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
         2 => (0_u32..4).prop_map(|steps| Action::Undo(Undo { steps })),
@@ -78,7 +79,7 @@ fn members(state: &EditState, target: &Target) -> Option<Mask> {
 
 /// The Gaussians whose look a command promises something about.
 fn existing(state: &EditState) -> impl Iterator<Item = usize> {
-    let deleted = std::sync::Arc::clone(state.deleted());
+    let deleted = Arc::clone(state.deleted());
     (0..60).filter(move |i| !deleted.get(*i))
 }
 
@@ -103,6 +104,11 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
                 );
             }
             prop_assert!(before.deleted().is_subset_of(after.deleted()));
+        }
+        Action::SetLock(_) => {
+            for i in 0..60 {
+                prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
+            }
         }
         Action::RestoreGaussians(_) => {
             prop_assert!(after.deleted().is_none() && after.existing_count() == 60);
@@ -179,7 +185,10 @@ fn check_state(state: &EditState) -> Result<(), TestCaseError> {
         prop_assert!(!unit.derived || !(unit.is_neutral() || unit.mask.is_none()), "{} says nothing", unit.name);
         prop_assert_eq!(state.find(&unit.name), Ok(UnitRef::Editable(unit.id)));
     }
-    prop_assert!(!state.selection().mask().intersects(state.deleted()), "a deleted Gaussian is selected");
+    prop_assert!(
+        !state.selection().mask().intersects(&state.unselectable()),
+        "a deleted or locked Gaussian is selected"
+    );
     for (name, unit) in state.names() {
         prop_assert!(!state.members(unit).intersects(state.deleted()), "{name} has deleted Gaussians");
     }

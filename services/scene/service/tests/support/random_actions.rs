@@ -9,8 +9,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     Color, CommitSelection, DeleteGaussians, DeleteUnit, Mask as MaskMessage, Orbit, Redo, RenameUnit, Reset,
-    RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetOpacity, SetTerm, SetView, SetVisibility,
-    ShowOnly, Stroke, Target, Undo, Vector, View,
+    RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetView,
+    SetVisibility, ShowOnly, Stroke, Target, Undo, Vector, View,
 };
 use sg_scene::mask::Mask;
 
@@ -106,6 +106,7 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         4 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => target().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        1 => (target(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
         2 => name().prop_map(|name| Action::DeleteUnit(DeleteUnit { name })),
         2 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
         3 => select(vec![0, 1, 2, 7, u32::MAX]).prop_map(|steps| Action::Undo(Undo { steps })),
