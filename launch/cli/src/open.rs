@@ -61,6 +61,11 @@ pub(crate) async fn open_path(
     };
     let mut overrides = vec![param("scene", &scene.path)];
     overrides.extend(project.map(|project| param("project", project)));
+    // A volume's scene lies in a folder of the program's own, so the title names the user's file.
+    let title = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    if title != "scene.toml" {
+        overrides.push(format!("service.render-view.params.title={}", toml::Value::String(title)));
+    }
     let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
     let stack = Stack {
         file,

@@ -373,7 +373,7 @@ impl RenderActor {
             look.overlay = Some(Overlay {
                 mask: selected,
                 color: Vec3::from_array(self.params.highlight_color),
-                mix: self.params.highlight_mix,
+                mix: self.params.highlight_mix.unwrap_or(sg_viewer::display::Tools::default().highlight_mix),
                 opacity: 1.0,
             });
         }

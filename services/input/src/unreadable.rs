@@ -37,6 +37,7 @@ const fn row(
 const HDF5: (usize, &[u8]) = (0, b"\x89HDF\r\n\x1a\n");
 const NETCDF: [(usize, &[u8]); 3] = [(0, b"CDF\x01"), (0, b"CDF\x02"), (0, b"CDF\x05")];
 const ZIP: (usize, &[u8]) = (0, b"PK\x03\x04");
+const GZIP: (usize, &[u8]) = (0, b"\x1f\x8b");
 
 const FROM_SLICER: &str = "save it as NRRD from 3D Slicer";
 const FROM_FIJI: &str = "open it in Fiji and save it as NRRD";
@@ -46,7 +47,7 @@ const AS_PLY: &str = "convert it to .ply with PlayCanvas splat-transform";
 const FROM_MESH: &str = "a mesh has no voxels; make a label map of it in 3D Slicer and save that as NRRD";
 const FROM_POINTS: &str = "points are no Gaussians; train Gaussians on pictures of the place and give their PLY";
 
-/// The formats. Of several with the same first bytes the ending chooses, else the first one; for ZIP it is the last one.
+/// The formats. Of several with the same first bytes the ending chooses, else the first one; for ZIP and gzip it is the last one.
 pub static UNREADABLE: &[UnreadableFormat] = &[
     row("DICOM", &[".dcm", ".dicom", ".ima"], &[(128, b"DICM")], FROM_SLICER),
     row("Analyze, or NIfTI in two files,", &[".hdr", ".img", ".hdr.gz", ".img.gz"], &[], FROM_SLICER),
@@ -87,12 +88,12 @@ pub static UNREADABLE: &[UnreadableFormat] = &[
     row("OBJ", &[".obj"], &[], FROM_MESH),
     row("FBX", &[".fbx"], &[(0, b"Kaydara FBX Binary")], FROM_MESH),
     row("KSPLAT", &[".ksplat"], &[], AS_PLY),
-    row("SPZ", &[".spz"], &[(0, b"NGSP")], AS_PLY),
+    row("SPZ", &[".spz"], &[(0, b"NGSP"), GZIP], AS_PLY),
     row("SOG", &[".sog"], &[ZIP], AS_PLY),
     row(
         "An archive",
         &[".zip", ".tar", ".tar.gz", ".tgz", ".7z", ".rar", ".gz"],
-        &[ZIP, (257, b"ustar"), (0, b"\x1f\x8b"), (0, b"7z\xbc\xaf"), (0, b"Rar!")],
+        &[ZIP, (257, b"ustar"), GZIP, (0, b"7z\xbc\xaf"), (0, b"Rar!")],
         "unpack it and give a file in it",
     ),
 ];
@@ -145,10 +146,15 @@ pub fn recognise(path: &Path) -> Option<Recognised> {
     }
     let start = file::read_start(path, START).unwrap_or_default();
     let by_both = UNREADABLE.iter().find(|f| f.has_magic(&start) && f.has_ending(&name));
-    // A ZIP without a known ending is an archive, which stands last; of other containers the general row stands first.
+    // A ZIP or gzip without a known ending is an archive, which stands last; of other containers the general row stands first.
     let first = |f: &&UnreadableFormat| f.has_magic(&start);
-    let of_content =
-        || if start.starts_with(ZIP.1) { UNREADABLE.iter().rfind(first) } else { UNREADABLE.iter().find(first) };
+    let of_content = || {
+        if start.starts_with(ZIP.1) || start.starts_with(GZIP.1) {
+            UNREADABLE.iter().rfind(first)
+        } else {
+            UNREADABLE.iter().find(first)
+        }
+    };
     let by_content = by_both.or_else(of_content);
     if let Some(format) = by_content {
         return Some(Recognised { format, place: "content" });

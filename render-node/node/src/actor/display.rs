@@ -219,7 +219,8 @@ fn run_headset(_: DisplaySetup, headset: std::convert::Infallible) -> Result<(),
 
 fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
     let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
-    let title = format!("Super-Gaussian: {}", view_port.newest().scene.geometry().path);
+    let named = params.title.clone().unwrap_or_else(|| last_parts(&view_port.newest().scene.geometry().path));
+    let title = format!("{named} - Super-Gaussian");
     let open = || Engine::new(Scene::clone(&scene), params.backend, params.rasterizer);
     let engine = window::at_low_priority(open)
         .map_err(|e| StartError::Failed(e.to_string()))?
@@ -229,7 +230,7 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
         engine,
         view_port,
         title,
-        tools: tools(&params),
+        tools: Tools { highlight_mix: params.highlight_mix.unwrap_or(window::TINT), ..tools(&params) },
         quality: params.quality,
         copies: params.copies,
         settings: Settings::default_path(),
@@ -244,17 +245,24 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
 /// Display settings from the launch file.
 fn tools(params: &Params) -> Tools {
     let Params { quality, projection, highlight_color, highlight_mix, .. } = *params;
+    let first = Tools::default();
     Tools {
         quality: quality.unwrap_or(Quality::Standard),
         projection,
         highlight: highlight_color.into(),
-        highlight_mix,
-        ..Tools::default()
+        highlight_mix: highlight_mix.unwrap_or(first.highlight_mix),
+        ..first
     }
 }
 
 fn open_error(ended: Result<Option<StartError>, oneshot::error::RecvError>) -> StartError {
     ended.ok().flatten().unwrap_or_else(|| StartError::Failed("the display did not open".to_owned()))
+}
+
+/// The last folder and the file of a path: the folder names most scenes, whose file is `scene.toml`.
+fn last_parts(path: &str) -> String {
+    let parts: Vec<_> = Path::new(path).iter().rev().take(2).collect();
+    parts.into_iter().rev().collect::<PathBuf>().display().to_string()
 }
 
 /// The user's picture folder: `XDG_PICTURES_DIR`, else the desktop's own (`user-dirs.dirs`), else `Pictures` in the home.

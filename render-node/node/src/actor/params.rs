@@ -72,8 +72,10 @@ pub(super) struct Params {
     pub(super) near: Option<f64>,
     /// Colour of a highlighted selection.
     pub(super) highlight_color: [f32; 3],
-    /// Share of that colour, 0 to 1.
-    pub(super) highlight_mix: f32,
+    /// Share of that colour, 0 to 1. By default 0.25 in a window, where a contour shows the selection too, and 0.6 elsewhere.
+    pub(super) highlight_mix: Option<f32>,
+    /// What a window's title names; by default the last two parts of the scene's path.
+    pub(super) title: Option<String>,
 }
 
 /// Output of a view.
@@ -128,7 +130,8 @@ impl Default for Params {
             near: None,
             // Okabe and Ito's sky blue: distinct from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
-            highlight_mix: 0.6,
+            highlight_mix: None,
+            title: None,
         }
     }
 }
@@ -158,7 +161,9 @@ impl Params {
         if self.near.is_some_and(|near| !(near >= 0.0 && near.is_finite())) {
             return Err(format!("near = {}; a finite length of at least 0", self.near.unwrap_or_default()));
         }
-        if !(0.0..=1.0).contains(&self.highlight_mix) || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c)) {
+        if !self.highlight_mix.is_none_or(|mix| (0.0..=1.0).contains(&mix))
+            || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c))
+        {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
         }
         Ok(())

@@ -51,6 +51,9 @@ pub use window_ui::WindowUi;
 
 use surface::{PresentResult, WindowSurface};
 
+/// Share of the highlight's colour beside a contour: what is selected keeps its own colours.
+pub const TINT: f32 = 0.25;
+
 /// Longest sleep of the loop. Input, updates and finished pictures wake it earlier; a turn that comes as seldom as this shows the
 /// watchdog of the process that the loop does not hang.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);

@@ -47,9 +47,6 @@ const RIGHT: f32 = 360.0;
 /// Points from the lower edge to the notices.
 const NOTICES: f32 = 48.0;
 
-/// Share of the highlight's colour beside a contour, at first: what is selected keeps its own colour.
-const TINT: f32 = 0.25;
-
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
 
@@ -95,13 +92,12 @@ impl WindowUi {
     pub fn new(
         scene: Arc<Scene>,
         engine: Engine,
-        (mut view_port, mut tools): (ViewPort, Tools),
+        (mut view_port, tools): (ViewPort, Tools),
         pictures: PathBuf,
         settings: &Settings,
         wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Result<Self, WindowError> {
         view_port.on_update(wake.clone());
-        tools.highlight_mix = tools.highlight_mix.min(TINT);
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
         let mut navigator = Navigator::new(shared, scene.bounds);

@@ -80,9 +80,9 @@ fn only_available_requests_are_sent_and_they_are_valid() {
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
     let docked = docked();
-    for round in 0..4 * docked.len() {
+    for round in 0..6 * docked.len() {
         let panel = docked[round % docked.len()];
-        let services = if round < 2 * docked.len() {
+        let services = if round < 3 * docked.len() {
             ServiceAvailability { scene: true, selection: true, agents: true }
         } else {
             ServiceAvailability { scene: random.random(), selection: random.random(), agents: random.random() }

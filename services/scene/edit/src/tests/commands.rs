@@ -501,7 +501,7 @@ fn masks_that_no_reader_could_be_sent_are_refused() {
 
 #[test]
 fn the_side_that_is_up_is_chosen_kept_and_undone() {
-    let scene = Arc::new(sg_scene::synthetic::test_scene(&[("bone", 40)]));
+    let scene = Arc::new(test_scene(&[("bone", 40)]));
     let opened = EditState::of_scene(&scene, "scene.toml", "hash");
     let up = |axis: sg_proto::scene::Axis| view(ViewChange::Up(axis.into()));
     let turned = opened.after(&scene, up(sg_proto::scene::Axis::MinusY)).unwrap();
@@ -517,8 +517,11 @@ fn the_side_that_is_up_is_chosen_kept_and_undone() {
     assert_eq!(turned.edited(&scene, &Mask::full(40)).unwrap().orientation.up, Some(Axis::MinusY));
     // The first view is the file's own.
     for action in [view(ViewChange::Named(NamedView::Initial.into())), up(sg_proto::scene::Axis::Unspecified)] {
-        let back = top.after(&scene, action).unwrap();
-        assert_eq!((back.up(), back.view().up), (None, glam::DVec3::Z));
+        let mut editor = Editor::new(Arc::clone(&scene), opened.clone());
+        run(&mut editor, [up(sg_proto::scene::Axis::MinusY), action]);
+        assert_eq!((editor.state().up(), editor.state().view().up), (None, glam::DVec3::Z));
+        run(&mut editor, [Action::Undo(Undo { steps: 1 })]);
+        assert_eq!(editor.state().up(), Some(Axis::MinusY));
     }
     assert!(opened.after(&scene, view(ViewChange::Up(99))).is_err());
 }
@@ -526,7 +529,7 @@ fn the_side_that_is_up_is_chosen_kept_and_undone() {
 #[test]
 fn the_front_of_a_patient_is_anterior() {
     for (patient, anterior) in [(PatientFrame::Lps, glam::DVec3::NEG_Y), (PatientFrame::Ras, glam::DVec3::Y)] {
-        let mut scene = sg_scene::synthetic::test_scene(&[("bone", 40)]);
+        let mut scene = test_scene(&[("bone", 40)]);
         scene.orientation.patient = Some(patient);
         let scene = Arc::new(scene);
         let opened = EditState::of_scene(&scene, "scene.toml", "hash");
