@@ -11,7 +11,7 @@ use super::wire::{decode_axis, decode_light_mode, decode_side, decode_term, deco
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::{framed, robust_bounds};
-use sg_scene::view::Side;
+use sg_scene::orientation::Side;
 
 impl Transaction<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {

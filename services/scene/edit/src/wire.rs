@@ -11,8 +11,8 @@ use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
-use sg_scene::orientation::Axis;
-use sg_scene::view::{Side, View};
+use sg_scene::orientation::{Axis, Side};
+use sg_scene::view::View;
 
 /// A message that holds no value of the type it stands for.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -15,8 +15,9 @@ use crate::appearance::Appearance;
 use crate::camera::Camera;
 use crate::mask::Mask;
 use crate::model::{Scene, SceneBox};
+use crate::orientation::Side;
 use crate::subject::Subject;
-use crate::view::{FIELD_OF_VIEW, Side, View};
+use crate::view::{FIELD_OF_VIEW, View};
 
 /// Share of the weight that is taken for strays at either end of each axis when members are framed.
 const STRAYS: f64 = 0.01;

@@ -1,4 +1,4 @@
-//! The viewpoint of a scene: sides, orbit, zoom. Scene coordinates, angles in degrees.
+//! The viewpoint of a scene: frame, orbit, zoom. Scene coordinates, angles in degrees.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -25,42 +25,6 @@ pub struct View {
     pub up: DVec3,
     /// Vertical field of view, degrees.
     pub fov_y_degrees: f64,
-}
-
-/// Sides of the scene's box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// From -y towards +y.
-    Front,
-    /// From +y.
-    Back,
-    /// From -x.
-    Left,
-    /// From +x.
-    Right,
-    /// From +z, with +y up in the picture.
-    Top,
-    /// From -z, with -y up in the picture.
-    Bottom,
-}
-
-impl Side {
-    /// All sides.
-    pub const ALL: [Self; 6] = [Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
-
-    /// Direction from the eye to the scene, and the direction up in the picture, where +z is up. From front, top and bottom,
-    /// +x is to the right. [`crate::orientation::Orientation::direction_and_up`] gives those of any scene.
-    #[must_use]
-    pub fn direction_and_up(self) -> (DVec3, DVec3) {
-        match self {
-            Self::Front => (DVec3::Y, DVec3::Z),
-            Self::Back => (DVec3::NEG_Y, DVec3::Z),
-            Self::Left => (DVec3::X, DVec3::Z),
-            Self::Right => (DVec3::NEG_X, DVec3::Z),
-            Self::Top => (DVec3::NEG_Z, DVec3::Y),
-            Self::Bottom => (DVec3::Z, DVec3::NEG_Y),
-        }
-    }
 }
 
 /// An invalid viewpoint.
@@ -188,6 +152,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::orientation::Side;
     use proptest::prelude::*;
 
     /// A box as seen from one of its sides.
