@@ -59,17 +59,18 @@ impl Panels {
                 self.walk(ui, state, tools, output);
             });
         }
-        section(ui, "Selection", true, |ui| {
-            how_many(ui, state);
-            self.highlight(ui, tools);
-            self.operations(ui, state, tools, output);
-        });
+        // The number and the name come before what needs scrolling in a room.
+        how_many(ui, state);
         if state.services.scene {
             let opens = self.text_input.wants(Field::SaveName);
             section_that(ui, "Save as a unit", true, opens, |ui| self.save(ui, state, output));
         } else {
             self.text_input.forget(Field::SaveName);
         }
+        section(ui, "Selection", true, |ui| {
+            self.highlight(ui, tools);
+            self.operations(ui, state, tools, output);
+        });
     }
 
     fn highlight(&self, ui: &mut Ui, tools: &mut Tools) {

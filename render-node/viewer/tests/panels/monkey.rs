@@ -104,7 +104,13 @@ fn only_available_requests_are_sent_and_they_are_valid() {
                 press(&mut harness, part);
             }
         }
-        for _ in 0..250 {
+        for step in 0..250 {
+            // Deleting, and selecting everything, end a walk.
+            if round % 4 < 2 && step % 40 == 39 {
+                let stage = harness.state_mut();
+                stage.shown.selected = Arc::clone(stage.shown.scene.selection().mask());
+                stage.walk();
+            }
             for output in play(&mut harness, &mut random) {
                 assert!(!matches!(output.draft, Some(Draft::Hold(_))) || services.scene);
                 held += u32::from(matches!(output.draft, Some(Draft::Hold(_))));

@@ -157,7 +157,7 @@ fn wrong_input_is_status_2_and_one_line() {
         (&["info", "none.ply"], "none.ply"),
         (&["info", "cut.ply"], "cut.ply: line 22"),
         (&["info", "s.toml"], "s.toml: line 2, column 1"),
-        (&["info", "picture.png"], "picture.png: byte 0"),
+        (&["info", "picture.png"], "picture.png: file name: A single picture cannot be read; "),
         (&["convert", "a.ply", "b.obj"], "b.obj: path"),
         (&["convert", "a.ply", "b.toml", "--to", "compressed"], "b.toml: format"),
         (&["convert", "a.ply", "b.ply", "--reorder"], "b.ply: options"),
