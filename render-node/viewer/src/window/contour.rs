@@ -60,6 +60,7 @@ impl Contour {
 fn contour(front: &FrontIds, mask: &Mask, color: Color32) -> ColorImage {
     let (width, height) = (front.width as usize, front.height as usize);
     let inside: Vec<bool> = front.ids.iter().map(|id| id.is_some_and(|id| mask.get(id as usize))).collect();
+    let inside = without_specks(&inside, width);
     let at = |x: usize, y: usize| inside.get(y * width + x).copied().unwrap_or(false);
     let mut pixels = vec![Color32::TRANSPARENT; width * height];
     for y in 0..height {
@@ -75,6 +76,23 @@ fn contour(front: &FrontIds, mask: &Mask, color: Color32) -> ColorImage {
         }
     }
     ColorImage::new([width, height], pixels)
+}
+
+/// A mask of pixels without single ones: selected pixels with fewer than three selected neighbours of eight are left out, others
+/// with more than five are taken in. Faint Gaussians in front of others would else scatter dots over a picture.
+fn without_specks(inside: &[bool], width: usize) -> Vec<bool> {
+    let height = inside.len().checked_div(width).unwrap_or(0);
+    let neighbours = |x: usize, y: usize| {
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        let near = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
+        near.filter(|at| *at != (x, y) && inside[at.1 * width + at.0]).count()
+    };
+    let kept = |(k, here): (usize, &bool)| {
+        let near = neighbours(k % width, k / width);
+        if *here { near >= 3 } else { near > 5 }
+    };
+    inside.iter().enumerate().map(kept).collect()
 }
 
 #[cfg(test)]
@@ -97,6 +115,16 @@ mod tests {
             let beside = |x: usize, y: usize| (x == 0 || x == 5) && (1..5).contains(&y);
             assert_eq!(*pixel == RIM, beside(x, y) || ((y == 0 || y == 5) && (1..5).contains(&x)), "{x} {y}");
         }
+    }
+
+    #[test]
+    fn single_pixels_have_no_contour() {
+        let front = FrontIds { width: 9, height: 9, ids: (0..81).map(Some).collect() };
+        let square = |k: usize| (3..8).contains(&(k % 9)) && (3..8).contains(&(k / 9));
+        let clean = contour(&front, &Mask::from_fn(81, square), Color32::YELLOW);
+        // A dot outside, and a hole inside.
+        let specks = Mask::from_fn(81, |k| k == 10 || (square(k) && k != 50));
+        assert_eq!(contour(&front, &specks, Color32::YELLOW).pixels, clean.pixels);
     }
 
     #[test]

@@ -17,6 +17,9 @@ const INSET: f32 = 50.0;
 /// Least share of a side's area that faces the eye and carries a label.
 const READABLE: f64 = 0.25;
 
+/// Share below which a side is a line on the picture, whose pointed corners would reach beyond the cube.
+const EDGE_ON: f64 = 0.02;
+
 /// Share from which a side faces the eye: a click then looks from the other side.
 const FACES: f64 = 0.999;
 
@@ -60,7 +63,7 @@ fn visible_sides(view: &View) -> Vec<CubeSide> {
         // Two edges of the side, whatever their sense: the other two axes in turn.
         let (a, b) = (DVec3::new(normal.y, normal.z, normal.x), DVec3::new(normal.z, normal.x, normal.y));
         let corners = [a + b, a - b, -a - b, b - a].map(|edge| flat(normal + edge));
-        (facing > 1e-6).then(|| CubeSide { axis, facing, corners, middle: flat(normal) })
+        (facing > EDGE_ON).then(|| CubeSide { axis, facing, corners, middle: flat(normal) })
     };
     Axis::ALL.into_iter().filter_map(side).collect()
 }
