@@ -126,10 +126,10 @@ impl Dilation {
     }
 }
 
-/// √(det(S + k·D) / det(S + D)) for S = m·mᵀ, the dilation D and the share `kept` of it: the factor on the opacity by which a
-/// Gaussian has the area times opacity that a dilation of k·D gives it.
+/// √(det(S + k·D) / det(S + D)) for S = m·mᵀ, the dilation D, and k = `kept`. Times this factor, the opacity of a Gaussian
+/// dilated by D has the area that k·D would give it.
 ///
-/// With 1 it is that of 3DGS: 1. With 0 the dilation adds none in sum: the 2D filter of Mip-Splatting (Yu et al. 2024). A preview
+/// With k = 1 it is 1, as in 3DGS. With k = 0 the dilation adds no light: the 2D filter of Mip-Splatting (Yu et al. 2024). A preview
 /// keeps the dilation of the picture that it stands for ([`dilation`]).
 pub(crate) fn compensation(m: [DVec3; 2], dilation: Dilation, kept: f64) -> f64 {
     let dilated = dilation.determinant(m);

@@ -1,8 +1,8 @@
 // Coefficients of a Gaussian along the rays of a view: the f32 twin of ray_consistent.rs, in units of the center's
 // distance.
 //
-// The dilation is at least 0.083 px² (0.3 px² but for previews), so that |u| is at most focal / 0.28. f32 then leaves an error of some 1e-7 of
-// that in d. Linear functions of the pixel, a, U and V, are stored at the pixel nearest to the ellipse's center. V does
+// The dilation is at least 0.083 px² (0.3 px² but for previews), so that |u| is at most focal / 0.28. f32 then leaves an
+// error of some 1e-7 of that in d. Linear functions of the pixel, a, U and V, are stored at the pixel nearest to the ellipse's center. V does
 // not change along a row and lies in the level and the tint. The ellipse covers at least all drawn pixels.
 
 struct Seen {

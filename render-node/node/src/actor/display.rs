@@ -194,7 +194,16 @@ fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartErr
     let opened = PathBuf::from(&view_port.newest().scene.geometry().path);
     let Params { seated, left_handed, mirror, rasterizer, locomotion, upright, floor, callouts, .. } = params;
     let foveation = Foveation::beyond(params.foveation);
-    let tools = Tools { seated, left_handed, locomotion, upright, floor, callouts, foveation, ..tools(&params) };
+    let tools = Tools {
+        seated,
+        left_handed,
+        locomotion,
+        upright,
+        floor,
+        callouts,
+        foveation,
+        ..tools(&params, Tools::default().highlight_mix)
+    };
     let pictures = params.pictures.unwrap_or_else(pictures);
     let frame_traces = params.frame_traces;
     let setup = vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };
@@ -230,7 +239,7 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
         engine,
         view_port,
         title,
-        tools: Tools { highlight_mix: params.highlight_mix.unwrap_or(window::TINT), ..tools(&params) },
+        tools: tools(&params, window::TINT),
         quality: params.quality,
         copies: params.copies,
         settings: Settings::default_path(),
@@ -242,16 +251,15 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
     window::run(window_setup).map_err(|e| StartError::Input(e.to_string()))
 }
 
-/// Display settings from the launch file.
-fn tools(params: &Params) -> Tools {
+/// Display settings from the launch file; without one there, the highlight has the share `mix` of its colour.
+fn tools(params: &Params, mix: f32) -> Tools {
     let Params { quality, projection, highlight_color, highlight_mix, .. } = *params;
-    let first = Tools::default();
     Tools {
         quality: quality.unwrap_or(Quality::Standard),
         projection,
         highlight: highlight_color.into(),
-        highlight_mix: highlight_mix.unwrap_or(first.highlight_mix),
-        ..first
+        highlight_mix: highlight_mix.unwrap_or(mix),
+        ..Tools::default()
     }
 }
 

@@ -164,22 +164,20 @@ impl Panels {
             output.change(action);
         }
         // The scene deletes the selection that it has stored.
-        let stored = !state.scene.selection().mask().is_none() && !state.uncommitted;
-        for (text, does, action) in [
-            (
-                "delete",
-                "removes the selected Gaussians from the scene; undo brings them back (Delete)",
-                delete_selection(),
-            ),
-            ("crop", "deletes everything but the selection, hidden Gaussians too (Shift+Delete)", crop_to_selection()),
-        ] {
-            // Without anything else there is nothing to crop.
-            let all = text == "crop" && state.scene.selection().mask().count() == state.scene.existing_count();
-            let button = ui.add_enabled(stored && !all, Button::new(text)).on_hover_text(does);
+        let selected = state.scene.selection().mask().count();
+        let stored = selected > 0 && !state.uncommitted;
+        let mut button = |on: bool, text: &str, does: &str, action: Action| {
+            let button = ui.add_enabled(on, Button::new(text)).on_hover_text(does);
             if button.on_disabled_hover_text(NOTHING_SELECTED).clicked() {
                 output.change(action);
             }
-        }
+        };
+        let does = "removes the selected Gaussians from the scene; undo brings them back (Delete)";
+        button(stored, "delete", does, delete_selection());
+        // Without anything else there is nothing to crop.
+        let rest = selected < state.scene.existing_count();
+        let does = "deletes everything but the selection, hidden Gaussians too (Shift+Delete)";
+        button(stored && rest, "crop", does, crop_to_selection());
         let deleted = state.scene.deleted().count();
         if deleted > 0
             && ui.button("restore deleted").on_hover_text(format!("brings {} back", count(deleted))).clicked()

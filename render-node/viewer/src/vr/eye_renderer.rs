@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec2};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};
+use sg_scene::camera_motion::previewing;
 use sg_scene::model::Scene;
 
 use super::meshes;
@@ -306,8 +307,8 @@ impl EyeRenderer {
         // Where the surroundings are seen, they are the background.
         let reveals = frame.blend_mode().shows_surroundings();
         let background = if reveals { [0.0; 3] } else { look.background.to_array() };
-        let preview_scale = (f64::from(part[1]) / f64::from(frame.size()[1].max(1))).clamp(1e-6, 1.0);
-        let cameras = sight.cameras(part, background, look.light).map(|camera| Camera { preview_scale, ..camera });
+        let whole = frame.size();
+        let cameras = sight.cameras(part, background, look.light).map(|camera| previewing(whole, &camera));
         let in_motion = in_motion && held.is_none();
         let settings = Settings { quality: self.level.quality, in_motion, ..self.settings(tools) };
         let time = self.begun.elapsed().as_secs_f64();

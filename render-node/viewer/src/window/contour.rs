@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, ColorImage, TextureHandle, TextureId, TextureOptions, Ui};
+use egui::{Color32, ColorImage, TextureHandle, TextureId, Ui};
 use glam::Vec3;
 use sg_raster::pick::FrontIds;
 use sg_scene::appearance::Overlay;
 use sg_scene::mask::Mask;
 
+use super::image_texture::show_image;
 use crate::panels::transfer::to_color32;
 
 /// Dark pixels beside the contour, so that it shows on every background.
@@ -39,14 +40,7 @@ impl Contour {
         }
         self.drawn = Some(Drawn { front: number, mask: Arc::clone(&overlay.mask), color: overlay.color });
         let image = contour(front, &overlay.mask, to_color32(overlay.color));
-        let texture = match self.texture.take() {
-            Some(mut texture) => {
-                texture.set(image, TextureOptions::LINEAR);
-                texture
-            }
-            None => ui.ctx().load_texture("contour", image, TextureOptions::LINEAR),
-        };
-        self.texture.insert(texture).id()
+        show_image(ui, &mut self.texture, "contour", image)
     }
 
     /// Makes the texture anew, for another context.
@@ -61,21 +55,22 @@ fn contour(front: &FrontIds, mask: &Mask, color: Color32) -> ColorImage {
     let (width, height) = (front.width as usize, front.height as usize);
     let inside: Vec<bool> = front.ids.iter().map(|id| id.is_some_and(|id| mask.get(id as usize))).collect();
     let inside = without_specks(&inside, width);
-    let at = |x: usize, y: usize| inside.get(y * width + x).copied().unwrap_or(false);
-    let mut pixels = vec![Color32::TRANSPARENT; width * height];
-    for y in 0..height {
-        for x in 0..width {
-            let here = at(x, y);
-            let differs = (x > 0 && at(x - 1, y) != here)
-                || (x + 1 < width && at(x + 1, y) != here)
-                || (y > 0 && at(x, y - 1) != here)
-                || (y + 1 < height && at(x, y + 1) != here);
-            if differs && let Some(pixel) = pixels.get_mut(y * width + x) {
-                *pixel = if here { color } else { RIM };
-            }
-        }
-    }
-    ColorImage::new([width, height], pixels)
+    let pixel = |(k, here): (usize, &bool)| match (is_at_edge(&inside, width, k), here) {
+        (false, _) => Color32::TRANSPARENT,
+        (true, true) => color,
+        (true, false) => RIM,
+    };
+    ColorImage::new([width, height], inside.iter().enumerate().map(pixel).collect())
+}
+
+/// Whether one of the up to four neighbours of pixel `k` differs from it.
+fn is_at_edge(inside: &[bool], width: usize, k: usize) -> bool {
+    let differs = |other: usize| inside.get(other).is_some_and(|there| *there != inside[k]);
+    let column = k % width;
+    (column > 0 && differs(k - 1))
+        || (column + 1 < width && differs(k + 1))
+        || (k >= width && differs(k - width))
+        || differs(k + width)
 }
 
 /// A mask of pixels without single ones: selected pixels with fewer than three selected neighbours of eight are left out, others
@@ -89,7 +84,13 @@ fn without_specks(inside: &[bool], width: usize) -> Vec<bool> {
         near.filter(|at| *at != (x, y) && inside[at.1 * width + at.0]).count()
     };
     let kept = |(k, here): (usize, &bool)| {
-        let near = neighbours(k % width, k / width);
+        let (x, y) = (k % width, k / width);
+        // Four neighbours that agree decide, and most pixels have them.
+        let has_four = x > 0 && y > 0 && x + 1 < width && y + 1 < height;
+        if has_four && !is_at_edge(inside, width, k) {
+            return *here;
+        }
+        let near = neighbours(x, y);
         if *here { near >= 3 } else { near > 5 }
     };
     inside.iter().enumerate().map(kept).collect()

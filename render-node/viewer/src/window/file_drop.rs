@@ -29,13 +29,14 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
         camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
         return Ok(DroppedFile::View(seen_by(&camera, target)));
     }
-    let is_readable = Format::is_scene_path(path) && !path.is_dir()
-        || path.join("scene.toml").exists()
-        || ENDINGS.into_iter().any(|ending| name.ends_with(ending));
-    if !is_readable && let Some(found) = unreadable::recognise(path) {
+    let is_volume = ENDINGS.into_iter().any(|ending| name.ends_with(ending));
+    let is_scene = Format::is_scene_path(path);
+    // A folder without a scene file may hold the slices of another format.
+    let is_certain = is_volume || is_scene && (!path.is_dir() || path.join("scene.toml").exists());
+    if !is_certain && let Some(found) = unreadable::recognise(path) {
         return Err(format!("{}: {found}", path.display()));
     }
-    if Format::is_scene_path(path) || is_readable {
+    if is_scene || is_volume {
         return Ok(DroppedFile::Other);
     }
     Err(format!(

@@ -9,6 +9,7 @@ mod drawing;
 mod error;
 pub(crate) mod exporter;
 mod file_drop;
+mod image_texture;
 mod lasso;
 mod navigation;
 mod occlusion;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Color32, Pos2, Rect, Response, Sense as EguiSense, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, Response, Sense as EguiSense, TextureHandle, TextureId, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -16,6 +16,7 @@ use sg_scene::view::View;
 use super::contour::Contour;
 use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
+use super::image_texture::show_image;
 use super::navigation::{NavigationMode, Navigator};
 use super::occlusion::OcclusionWorker;
 use crate::display::{
@@ -552,14 +553,7 @@ impl SceneView {
     fn store(&mut self, ui: &Ui, picture: Picture) {
         match picture {
             Picture::Pixels(image) => {
-                let texture = match self.pixels.take() {
-                    Some(mut texture) => {
-                        texture.set(image, TextureOptions::LINEAR);
-                        texture
-                    }
-                    None => ui.ctx().load_texture("picture", image, TextureOptions::LINEAR),
-                };
-                self.picture = Some(self.pixels.insert(texture).id());
+                self.picture = Some(show_image(ui, &mut self.pixels, "picture", image));
             }
             // On a device that no longer presents the window, the picture is useless; another one is already requested.
             Picture::OnDevice(gpu, texture) => {

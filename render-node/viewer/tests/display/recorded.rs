@@ -9,7 +9,9 @@ use std::path::Path;
 use sg_viewer::display::frame_trace::{FrameTrace, SessionVisibility, TraceRow};
 use sg_viewer::display::quality_control::{LEVELS, work};
 
-use crate::quality::{Course, Load, PERIOD, Session, at_level, convergence, levels_of, most_off, play_course};
+use crate::quality::{
+    Course, Load, PERIOD, Session, at_level, convergence, is_documented, levels_of, most_off, play_course,
+};
 
 /// Most pictures on each side of one whose median is its load.
 const REACH: usize = 6;
@@ -212,11 +214,8 @@ fn quality_follows_recorded_sessions() {
             failures.push(replay.name);
         }
     }
-    println!("{table}");
     assert!(failures.is_empty(), "{failures:?}:\n{table}");
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/headset.md");
-    let page = std::fs::read_to_string(page).unwrap();
-    assert!(page.contains(&table), "docs/headset.md has another table than this:\n{table}");
+    is_documented(&table);
 }
 
 fn begins(recording: &Recording) -> Vec<[f64; 2]> {

@@ -90,6 +90,18 @@ impl Desk {
         self.service.requests.try_iter().filter_map(of).collect()
     }
 
+    /// Drags from a place, so many steps of this way.
+    fn drag(&mut self, from: Pos2, steps: u8, step: Vec2) {
+        self.harness.hover_at(from);
+        self.harness.step();
+        self.harness.drag_at(from);
+        for k in 1..=steps {
+            self.harness.hover_at(from + f32::from(k) * step);
+            self.harness.step();
+        }
+        self.harness.drop_at(from + f32::from(steps) * step);
+    }
+
     /// The direction from the target to the window's eye, and its up. The window tells its view before it frames the selection.
     fn eye(&mut self) -> (DVec3, DVec3) {
         self.harness.key_press_modifiers(egui::Modifiers::SHIFT, egui::Key::F);
@@ -127,14 +139,7 @@ fn a_click_on_a_side_of_the_cube_looks_from_there() {
         let (eye, up) = desk.eye();
         assert!((eye - posterior).length() < 1e-9 && up == DVec3::Z, "{frame:?}: {eye}");
         // A drag turns the eye, and what lies below the cube is not touched.
-        desk.harness.hover_at(middle);
-        desk.harness.step();
-        desk.harness.drag_at(middle);
-        for k in 1..6_u8 {
-            desk.harness.hover_at(middle + f32::from(k) * Vec2::new(4.0, 4.0));
-            desk.harness.step();
-        }
-        desk.harness.drop_at(middle + Vec2::new(20.0, 20.0));
+        desk.drag(middle, 5, Vec2::new(4.0, 4.0));
         desk.harness.run_steps(2);
         let (turned, _) = desk.eye();
         assert!(turned.angle_between(posterior).to_degrees() > 20.0 && turned.z > 0.1, "{turned}");
@@ -180,14 +185,7 @@ fn the_picture_has_a_cube_and_a_bar_where_the_file_has_a_unit() {
         let mut desk = Desk::open(orientation);
         let middle = desk.cube().center();
         // Seen obliquely, so that three sides show.
-        desk.harness.hover_at(middle);
-        desk.harness.step();
-        desk.harness.drag_at(middle);
-        for k in 1..8_u8 {
-            desk.harness.hover_at(middle + f32::from(k) * Vec2::new(3.5, 2.5));
-            desk.harness.step();
-        }
-        desk.harness.drop_at(middle + Vec2::new(24.5, 17.5));
+        desk.drag(middle, 7, Vec2::new(3.5, 2.5));
         desk.harness.hover_at(Pos2::new(300.0, 300.0));
         desk.harness.run_steps(2);
         let picture = desk.picture(&canvas);

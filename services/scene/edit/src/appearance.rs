@@ -220,7 +220,7 @@ impl Transaction<'_> {
         }
     }
 
-    fn with_unit(&mut self, id: u64, change: impl FnOnce(&mut Unit)) {
+    pub(super) fn with_unit(&mut self, id: u64, change: impl FnOnce(&mut Unit)) {
         if let Some(unit) = self.state.units.get_mut(&id) {
             change(unit);
         }

@@ -51,11 +51,7 @@ impl Transaction<'_> {
                         base.locked = command.locked;
                     }
                 }
-                UnitRef::Editable(id) => {
-                    if let Some(unit) = self.state.units.get_mut(&id) {
-                        unit.locked = command.locked;
-                    }
-                }
+                UnitRef::Editable(id) => self.with_unit(id, |unit| unit.locked = command.locked),
             }
         }
         let unselectable = self.state.unselectable();

@@ -22,9 +22,9 @@ impl EditState {
         visible
     }
 
-    /// The mean factor of all edits on the opacity of a unit's Gaussians: that of their base unit times those of all units that
-    /// hold them, and 0 where one is hidden. It is 1 without edits of a base unit that a file gives the factor 1. Of a unit of more than 512 Gaussians, 512 at even distances
-    /// in the order of the scene count. `None` for a unit without Gaussians.
+    /// The mean factor on the opacity of a unit's Gaussians: that of their base unit times those of all units that hold them. It
+    /// is 0 where one of these is hidden. A larger unit is sampled at 512 Gaussians, evenly in the order of the scene. `None`
+    /// for a unit without Gaussians.
     #[must_use]
     pub fn mean_opacity(&self, unit: UnitRef) -> Option<f32> {
         let samples = self.members(unit).samples(SAMPLES);

@@ -83,10 +83,15 @@ pub fn scaled(camera: &Camera, scale: f64) -> Camera {
 /// As [`scaled`], of a picture that stands for the larger one for a while: see [`Camera::preview_scale`].
 #[must_use]
 pub fn preview(camera: &Camera, scale: f64) -> Camera {
-    let small = scaled(camera, scale);
-    let edge =
-        (f64::from(small.width) / f64::from(camera.width)).min(f64::from(small.height) / f64::from(camera.height));
-    Camera { preview_scale: camera.preview_scale * edge.clamp(1e-6, 1.0), ..small }
+    previewing([camera.width, camera.height], &scaled(camera, scale))
+}
+
+/// A camera whose picture stands for one of this width and height for a while: see [`Camera::preview_scale`].
+#[must_use]
+pub fn previewing([width, height]: [u32; 2], camera: &Camera) -> Camera {
+    let share = |pixels: u32, whole: u32| f64::from(pixels) / f64::from(whole.max(1));
+    let edge = share(camera.width, width).min(share(camera.height, height)).clamp(1e-6, 1.0);
+    Camera { preview_scale: camera.preview_scale * edge, ..camera.clone() }
 }
 
 #[cfg(test)]

@@ -328,13 +328,14 @@ impl Selector {
             session.add_step(step.clone()).map_err(refusal)?;
             progress::current().step();
         }
-        let kept = state.selection().mask();
-        let hidden = hidden(state, (!restart).then_some(&**kept));
-        // A later change of the walk's parameters may let it grow into what is hidden now.
-        let may_grow = session.walk().is_some() && !session.excludes(&hidden);
-        if !include_hidden && !steps.is_empty() && !hidden.is_none() && (may_grow || session.mask().intersects(&hidden))
-        {
-            session.add_step(Step::Exclude(hidden)).map_err(refusal)?;
+        if !include_hidden && !steps.is_empty() {
+            let kept = state.selection().mask();
+            let hidden = hidden(state, (!restart).then_some(&**kept));
+            // A later change of the walk's parameters may let it grow into what is hidden now.
+            let may_grow = session.walk().is_some() && !hidden.is_none() && !session.excludes(&hidden);
+            if may_grow || session.mask().intersects(&hidden) {
+                session.add_step(Step::Exclude(hidden)).map_err(refusal)?;
+            }
         }
         self.last_walk_ms = start.elapsed().as_secs_f64() * 1e3;
         self.session = session;
