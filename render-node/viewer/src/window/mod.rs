@@ -141,6 +141,8 @@ struct OpenWindow {
     occluded: bool,
     /// Whether a frame was due while it was hidden.
     missed: bool,
+    /// Whether its frame was compared with the monitor.
+    fitted: bool,
 }
 
 impl OpenWindow {
@@ -182,6 +184,7 @@ impl OpenWindow {
             due,
             occluded: false,
             missed: false,
+            fitted: false,
         };
         this.open_surface()?;
         opened();
@@ -244,7 +247,10 @@ impl OpenWindow {
             surface.take(&picture);
         }
         match surface.paint(&primitives, output.textures_delta, output.pixels_per_point) {
-            PresentResult::Shown => self.losses = 0,
+            PresentResult::Shown => {
+                self.losses = 0;
+                self.fit_to_monitor();
+            }
             // Nothing else may wake a window at rest, and its content has changed.
             PresentResult::Passed => self.due = Instant::now().checked_add(RETRY_PERIOD),
             PresentResult::Lost if self.losses >= MOST_LOSSES => {
@@ -257,6 +263,25 @@ impl OpenWindow {
             }
         }
         Ok(())
+    }
+
+    /// Makes a window smaller whose frame is larger than its monitor, once. Only a shown window has the frame that its window
+    /// manager gives it.
+    fn fit_to_monitor(&mut self) {
+        if std::mem::replace(&mut self.fitted, true) || self.window.is_maximized() {
+            return;
+        }
+        let Some(monitor) = self.window.current_monitor() else { return };
+        let (inner, outer, most) = (self.window.inner_size(), self.window.outer_size(), monitor.size());
+        let fitting = |inner: u32, outer: u32, most: u32| inner.saturating_sub(outer.saturating_sub(most)).max(1);
+        let size = PhysicalSize::new(
+            fitting(inner.width, outer.width, most.width),
+            fitting(inner.height, outer.height, most.height),
+        );
+        if size != inner {
+            // The window's event of a new size follows, at once or later.
+            let _ = self.window.request_inner_size(size);
+        }
     }
 
     /// Whether nothing of the window is on the screen: it is covered or minimised.

@@ -8,6 +8,8 @@
     reason = "a test fails by panicking"
 )]
 
+mod first_hour;
+
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
