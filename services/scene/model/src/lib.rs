@@ -35,6 +35,7 @@ pub mod model;
 pub mod orientation;
 pub mod recolor;
 mod rows;
+pub mod size;
 pub mod subject;
 pub mod symmetric3;
 pub mod synthetic;
