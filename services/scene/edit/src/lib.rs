@@ -45,6 +45,7 @@ mod history;
 mod lock;
 mod membership;
 mod names;
+mod reach;
 mod replica;
 mod state;
 mod target;
@@ -58,7 +59,7 @@ pub use edited::Part;
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;
-pub use membership::grouped;
+pub use reach::{LEAK_RANGE, leak_of, reach_of};
 pub use replica::{Replica, ReplicaError};
 pub use state::{BaseUnitState, Change, EditState, Geometry, Selection, StateMismatch, Unit, UnitRef, mask_hash};
 
