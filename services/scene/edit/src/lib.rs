@@ -43,6 +43,7 @@ mod environment;
 mod error;
 mod history;
 mod lock;
+mod measure;
 mod membership;
 mod names;
 mod reach;
