@@ -287,6 +287,8 @@ table! {
     SCENE_CHANGES: Request<scene::ChangesRequest, scene::Changes> = (role::SCENE, "cmd/changes", SCENE_READERS);
     /// A change of the scene, after the journal has stored it.
     SCENE_EVENT: Stream<scene::Event> = (role::SCENE, "event/change") at Interactive;
+    /// Measures a target.
+    SCENE_MEASURE: Request<scene::MeasureRequest, scene::Measure> = (role::SCENE, "cmd/measure", &[role::CLI, role::AGENT_FUNCTION]);
     /// Lists the geometry files of the scene.
     SCENE_FILES: Request<scene::FilesRequest, scene::Files> = (role::SCENE, "cmd/files", SCENE_READERS);
     /// Returns a part of a geometry file.

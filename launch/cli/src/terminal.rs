@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 use comfy_table::{CellAlignment, Table, presets};
+pub(crate) use sg_input::number_format::grouped as format_count;
 use sg_runtime::process::{EXIT_FAILED, EXIT_INPUT};
 use sg_stack::StackError;
 pub(crate) use sg_stack::terminal::{Color, format_time, paint, print_status};
@@ -126,27 +127,9 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> Vec<String> {
     table.trim_fmt().lines().map(str::to_owned).collect()
 }
 
-/// An integer with a comma every three digits: `1,234,567`.
-pub(crate) fn format_count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn thousands_are_separated() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(format_count), ["0", "999", "1,000", "1,234,567"]);
-    }
 
     #[test]
     fn columns_line_up() {

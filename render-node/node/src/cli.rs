@@ -7,6 +7,7 @@ use clap::Args;
 use glam::{DVec2, Vec3};
 use serde::Serialize;
 use sg_formats::staged_file;
+use sg_input::number_format::grouped;
 use sg_input::print;
 use sg_raster::image::ImageFormat;
 use sg_raster::pick;
@@ -283,8 +284,8 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         out.display(),
         image.width,
         image.height,
-        report.drawn,
-        report.gaussians,
+        grouped(report.drawn as u64),
+        grouped(report.gaussians as u64),
         report.seconds.total,
         report.seconds.preprocess,
         report.seconds.sort,

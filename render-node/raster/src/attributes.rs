@@ -32,7 +32,7 @@ impl Attribute {
     pub fn name(self) -> &'static str {
         match self {
             Self::Scale => "mean standard deviation",
-            Self::Anisotropy => "longest over shortest standard deviation",
+            Self::Anisotropy => "elongation",
             Self::Opacity => "opacity",
             Self::OffsetColor => "offset colour",
             Self::Normal => "normal",

@@ -95,7 +95,7 @@ fn a_person_brushes_names_speaks_and_closes() {
         let steps = back.undo.len();
         (0..12).for_each(|_| key("period"));
         let wider = scene(&bus, "a walk with less leak", |s| selected(s) > selected(&back)).await;
-        assert!(wider.undo.first().is_some_and(|line| line.contains("leak at")), "{:?}", wider.undo);
+        assert!(wider.undo.first().is_some_and(|line| line.contains("Reach")), "{:?}", wider.undo);
         assert_eq!(wider.undo.len(), steps + 1, "{:?}", wider.undo);
         // The wheel with Alt goes the other way.
         screen.act(&["keydown", "alt"]).unwrap();

@@ -113,7 +113,10 @@ impl WorkReport {
         let views = if c.views == 1 { "one view".to_owned() } else { format!("{} views", c.views) };
         let first = format!(
             "{views} of {width} x {height} pixels: {} of {} Gaussians listed, {} splats, {} of them by rays\n\n",
-            c.listed, c.gaussians, c.splats, c.by_rays
+            grouped(c.listed),
+            grouped(c.gaussians),
+            grouped(c.splats),
+            grouped(c.by_rays)
         );
         first + &aligned(&rows)
     }

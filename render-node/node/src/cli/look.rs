@@ -8,6 +8,7 @@ use sg_edit::wire::decode_vector;
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::backend::{Backend, Engine};
 use sg_gpu::{GpuError, Settings};
+use sg_input::number_format::grouped;
 use sg_input::print;
 use sg_proto::light_presets::{LightPreset, ViewerAxes};
 use sg_raster::finish::Finish;
@@ -176,7 +177,7 @@ impl<'a> Painter<'a> {
 /// Reports Gaussians that cannot be drawn.
 pub(super) fn warn_of_dropped(gaussians: usize) {
     if gaussians > 0 {
-        print::status(&format!("warning: {gaussians} Gaussians with NaN or infinite attributes were left out"));
+        print::status(&format!("warning: {} Gaussians with NaN or infinite attributes were left out", grouped(gaussians as u64)));
     }
 }
 

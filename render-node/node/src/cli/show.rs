@@ -23,7 +23,7 @@ pub(super) enum Shown {
     FirstComponent,
     /// Mean standard deviation, logarithmic
     Scale,
-    /// Longest over shortest standard deviation, logarithmic
+    /// Elongation: longest over shortest standard deviation, logarithmic
     Anisotropy,
     /// Opacity of each Gaussian by itself
     Opacity,

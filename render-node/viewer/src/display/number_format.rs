@@ -4,7 +4,12 @@
 //! - No digit is written that says nothing: trailing zeros after the decimal point are dropped.
 //! - A space stands between a number and its unit, except before °.
 
-pub(crate) use sg_edit::grouped as count;
+use sg_input::number_format::{decimals, grouped};
+
+/// A number of things.
+pub(crate) fn count(n: usize) -> String {
+    grouped(n as u64)
+}
 
 /// A share or a factor in percent: two decimals below 1 %, one below 10 %.
 pub(crate) fn percent(x: f64) -> String {
@@ -45,20 +50,6 @@ pub(crate) fn degrees(x: f64) -> String {
 /// A duration in milliseconds, from seconds.
 pub(crate) fn milliseconds(seconds: f64) -> String {
     format!("{} ms", decimals(1e3 * seconds, 0))
-}
-
-/// With at most so many decimals. Negative zero loses its sign.
-fn decimals(x: f64, most: usize) -> String {
-    if !x.is_finite() {
-        return x.to_string();
-    }
-    let text = format!("{:.most$}", x.abs());
-    let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));
-    let whole = whole.parse().map_or_else(|_| whole.to_owned(), count);
-    let fraction = fraction.trim_end_matches('0');
-    let sign = if x < 0.0 && text.bytes().any(|b| matches!(b, b'1'..=b'9')) { "-" } else { "" };
-    let point = if fraction.is_empty() { "" } else { "." };
-    format!("{sign}{whole}{point}{fraction}")
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use sg_edit::{LEAK_RANGE, reach_of};
 use sg_proto::scene::{SelectionStep, WalkTuning, selection_step::Step};
 use sg_proto::selection::StrokesRequest;
 
@@ -9,28 +10,11 @@ use super::number_format::{decimal, percent};
 use super::request::Request;
 use super::view_state::ViewState;
 
-/// The least and the greatest leak that a hand reaches; equal ways are equal factors.
-pub const LEAK_RANGE: (f64, f64) = (1e-4, 1.0);
-
 /// The least and the greatest threshold that a hand reaches.
 pub const THRESHOLD_RANGE: (f64, f64) = (-0.95, 0.95);
 
 /// Longest time that a released value shows before the scene confirms it.
 const SETTLES: Duration = Duration::from_secs(1);
-
-/// The reach of a leak, 0 to 1: a greater reach selects more. Equal differences are equal factors of the leak.
-#[must_use]
-pub fn reach_of(leak: f64) -> f64 {
-    let (least, greatest) = LEAK_RANGE;
-    1.0 - (leak.clamp(least, greatest) / least).ln() / (greatest / least).ln()
-}
-
-/// The leak of a reach from 0 to 1, the inverse of [`reach_of`].
-#[must_use]
-pub fn leak_of(reach: f64) -> f64 {
-    let (least, greatest) = LEAK_RANGE;
-    (least * (greatest / least).powf(1.0 - reach)).clamp(least, greatest)
-}
 
 /// Parameter of a walk that a stick, a key or the wheel changes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

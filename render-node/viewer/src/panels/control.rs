@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Align, Button, CollapsingHeader, Color32, Label, Layout, Response, RichText, Role, ScrollArea, Sense, Separator,
-    Slider, SliderClamping, TextStyle, Ui, Vec2, WidgetInfo, vec2,
+    Align, Atom, Button, CollapsingHeader, Color32, IdSalt, Label, Layout, Response, RichText, Role, ScrollArea, Sense,
+    Separator, Slider, SliderClamping, Stroke, TextStyle, Ui, Vec2, WidgetInfo, vec2,
 };
 
 use super::icon::{Icon, draw};
@@ -40,6 +40,29 @@ pub(super) fn section_that<R>(
 /// A button with a selected state.
 pub(super) fn choice(ui: &mut Ui, chosen: bool, text: &str) -> bool {
     ui.add(Button::new(text).selected(chosen)).clicked()
+}
+
+/// A button with an icon and a label; the icon alone where that is `short`. `name` is its label for screen readers.
+pub(crate) fn labelled_button(
+    ui: &mut Ui,
+    (icon, name, short): (Option<Icon>, &str, bool),
+    selected: bool,
+    does: &str,
+) -> Response {
+    let Some(icon) = icon else {
+        return ui.add(Button::new(name).selected(selected)).on_hover_text(does).on_disabled_hover_text(does);
+    };
+    let place = IdSalt::new("icon");
+    let picture = Atom::custom(place, Vec2::splat(16.0 * scale(ui)));
+    let button = if short { Button::new(picture) } else { Button::new((picture, name)) };
+    let shown = button.selected(selected).atom_ui(ui);
+    let response = shown.response.clone();
+    if let Some(rect) = shown.rect(place) {
+        let look = ui.style().interact_selectable(&response, selected);
+        draw(ui.painter(), icon, true, rect, Stroke::new(1.4 * scale(ui), look.text_color()));
+    }
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    response.on_hover_text(does).on_disabled_hover_text(does)
 }
 
 /// A button with a picture; `name` is its action, for screen readers and the tooltip.
@@ -179,17 +202,30 @@ fn text_width(ui: &Ui, text: &str) -> f32 {
 
 /// A frame with the panel's margins; content that is too high scrolls.
 pub(super) fn scrolling<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
-    theme::frame(ui)
-        .show(ui, |ui| {
-            ui.set_min_size(ui.available_size());
-            ScrollArea::vertical()
-                .id_salt(name)
-                .auto_shrink(false)
-                .show(ui, |ui| {
-                    ui.set_max_width(ui.available_width());
-                    content(ui)
-                })
-                .inner
-        })
-        .inner
+    framed(ui, |ui| scroll(ui, name, content))
+}
+
+/// A frame with the panel's margins.
+pub(super) fn framed<R>(ui: &mut Ui, content: impl FnOnce(&mut Ui) -> R) -> R {
+    let framed = theme::frame(ui).show(ui, |ui| {
+        ui.set_min_size(ui.available_size());
+        content(ui)
+    });
+    framed.inner
+}
+
+/// The rest of a panel; content that is too high scrolls.
+pub(super) fn scroll<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
+    let area = ScrollArea::vertical().id_salt(name).auto_shrink(false);
+    let shown = area.show(ui, |ui| {
+        ui.set_max_width(ui.available_width());
+        content(ui)
+    });
+    shown.inner
+}
+
+/// The text with its first letter in upper case.
+pub(crate) fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map(|first| first.to_uppercase().collect::<String>() + letters.as_str()).unwrap_or_default()
 }

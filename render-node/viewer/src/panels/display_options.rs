@@ -1,13 +1,14 @@
 //! Display options: the visible parts of the scene, and their look.
 
-use egui::{Button, Checkbox, Ui};
+use egui::{Checkbox, Ui};
 
-use super::control::{Number, choice};
+use super::control::{Number, choice, labelled_button};
+use super::icon::Icon;
 use super::legend::color_numbers;
 use super::output::PanelHost;
 use super::state::Panels;
 use crate::display::number_format::{count, percent};
-use crate::display::{DisplayMode, Locomotion, Tools, TurnStyle, ViewState};
+use crate::display::{BrushMode, DisplayMode, Locomotion, Tools, TurnStyle, ViewState};
 use sg_raster::attributes::Attribute;
 use sg_raster::render::Quality;
 
@@ -107,9 +108,10 @@ impl Panels {
     /// The brush modes.
     pub(super) fn modes(&self, ui: &mut Ui, tools: &mut Tools) {
         ui.horizontal_wrapped(|ui| {
-            for mode in crate::display::BrushMode::ALL {
-                let button = Button::new(mode.name()).selected(tools.mode == mode);
-                if ui.add(button).on_hover_text(mode.hint()).clicked() {
+            for mode in BrushMode::ALL {
+                let selected = tools.mode == mode;
+                let icon = Some(mode_icon(mode)).filter(|_| self.host == PanelHost::Window);
+                if labelled_button(ui, (icon, mode.name(), false), selected, mode.hint()).clicked() {
                     tools.mode = mode;
                 }
             }
@@ -118,13 +120,12 @@ impl Panels {
 
     pub(super) fn brush(&self, ui: &mut Ui, tools: &mut Tools) {
         self.modes(ui, tools);
-        let (least, most) = Tools::RADII;
-        // A person thinks of a brush's width, the stroke carries its radius.
-        let mut width = 2.0 * tools.radius;
-        let range = 2.0 * least..=2.0 * most;
-        if (Number { name: "brush width", range, logarithmic: true, text: percent }).show(ui, &mut width) {
-            tools.radius = (0.5 * width).clamp(least, most);
-        }
+        brush_width(ui, tools);
+        self.brush_reach(ui, tools);
+    }
+
+    /// What a stroke may reach: hidden Gaussians, and those behind the surface.
+    pub(super) fn brush_reach(&self, ui: &mut Ui, tools: &mut Tools) {
         ui.add(Checkbox::new(&mut tools.include_hidden, "hidden Gaussians too"));
         if self.host == PanelHost::Headset {
             ui.add(Checkbox::new(&mut tools.pressure, "pressure of the trigger narrows the brush"));
@@ -138,5 +139,25 @@ impl Panels {
             Number { name: "lasso depth", range: least..=most, logarithmic: true, text }
                 .show(ui, &mut tools.lasso_depth);
         }
+    }
+}
+
+/// Icon of a brush mode.
+pub(crate) fn mode_icon(mode: BrushMode) -> Icon {
+    match mode {
+        BrushMode::Walk => Icon::Region,
+        BrushMode::Cluster => Icon::Patch,
+        BrushMode::Point => Icon::Dot,
+    }
+}
+
+/// The width of the brush.
+pub(super) fn brush_width(ui: &mut Ui, tools: &mut Tools) {
+    let (least, most) = Tools::RADII;
+    // A person thinks of a brush's width, the stroke carries its radius.
+    let mut width = 2.0 * tools.radius;
+    let range = 2.0 * least..=2.0 * most;
+    if (Number { name: "brush width", range, logarithmic: true, text: percent }).show(ui, &mut width) {
+        tools.radius = (0.5 * width).clamp(least, most);
     }
 }

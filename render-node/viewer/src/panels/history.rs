@@ -4,6 +4,7 @@ use egui::{Align, Button, Label, Layout, RichText, Ui};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Redo, Reset, Undo};
 
+use super::control::capital;
 use super::output::Output;
 use super::state::Panels;
 use crate::display::ViewState;
@@ -19,7 +20,7 @@ impl Panels {
             let step = |ui: &mut Ui, text: &str, lines: &[String]| {
                 let response = ui.add_enabled(!lines.is_empty(), Button::new(text));
                 match lines.first() {
-                    Some(first) => response.on_hover_text(first).clicked(),
+                    Some(first) => response.on_hover_text(capital(first)).clicked(),
                     None => false,
                 }
             };
@@ -30,7 +31,7 @@ impl Panels {
                 output.change(Action::Redo(Redo { steps: 1 }));
             }
             if let Some(last) = state.undo.first() {
-                ui.add(Label::new(RichText::new(last).weak()).truncate());
+                ui.add(Label::new(RichText::new(capital(last)).weak()).truncate());
             }
         });
     }
@@ -49,7 +50,7 @@ impl Panels {
             for (i, line) in lines.iter().take(LINES).enumerate() {
                 ui.push_id((verb, i), |ui| {
                     let shape = Layout::top_down_justified(Align::Min);
-                    let button = Button::new(line).truncate().frame_when_inactive(false);
+                    let button = Button::new(capital(line)).truncate().frame_when_inactive(false);
                     let response = ui.with_layout(shape, |ui| ui.add(button)).inner;
                     if response.on_hover_text(format!("{verb} {}", counted(i + 1))).clicked() {
                         steps = u32::try_from(i + 1).ok();

@@ -5,7 +5,7 @@ use egui::{Painter, Rect, Shape, Stroke, pos2, vec2};
 
 /// Icon of a button or of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Icon {
+pub(crate) enum Icon {
     /// An eye; crossed out when off.
     Eye,
     /// A lock; open when off.
@@ -16,11 +16,204 @@ pub(super) enum Icon {
     Lasso,
     /// A speech bubble.
     Speech,
+    /// Arrows to four sides.
+    Arrows,
+    /// A brush with its tip.
+    Brush,
+    /// A rectangle with marked corners.
+    Rectangle,
+    /// A whole outline with its filled middle.
+    Region,
+    /// One of four patches.
+    Patch,
+    /// One dot.
+    Dot,
+    /// A sheet before another.
+    InFront,
+    /// A circle with an arrow about it.
+    Orbit,
+    /// A ball with its meridians.
+    Ball,
+    /// A paper plane.
+    Plane,
+    /// An arrow back.
+    Undo,
+    /// An arrow forward.
+    Redo,
+    /// Four corners about a dot.
+    Fit,
+    /// Two pictures side by side.
+    Stereo,
+    /// A camera.
+    Camera,
+    /// A turntable: an ellipse with an arrow above it.
+    Turntable,
+    /// A window with its column.
+    Panels,
+}
+
+/// Lines of an icon through points, and its circles: middle, radius, whether it is filled. From -1 to 1, y down.
+type Lines = (&'static [&'static [(f32, f32)]], &'static [(f32, f32, f32, bool)]);
+
+/// Lines and circles of an icon that consists of them alone.
+fn lines(icon: Icon) -> Option<Lines> {
+    Some(match icon {
+        Icon::Arrows => (
+            &[
+                &[(-0.9, 0.0), (0.9, 0.0)],
+                &[(0.0, -0.9), (0.0, 0.9)],
+                &[(-0.6, -0.3), (-0.9, 0.0), (-0.6, 0.3)],
+                &[(0.6, -0.3), (0.9, 0.0), (0.6, 0.3)],
+                &[(-0.3, -0.6), (0.0, -0.9), (0.3, -0.6)],
+                &[(-0.3, 0.6), (0.0, 0.9), (0.3, 0.6)],
+            ],
+            &[],
+        ),
+        Icon::Brush => (
+            &[
+                &[(0.9, -0.9), (-0.1, 0.1)],
+                &[(-0.3, -0.1), (0.1, 0.3), (-0.3, 0.75), (-0.9, 0.9), (-0.7, 0.3), (-0.3, -0.1)],
+            ],
+            &[],
+        ),
+        Icon::Rectangle => (
+            &[&[(-0.8, -0.6), (0.8, -0.6), (0.8, 0.6), (-0.8, 0.6), (-0.8, -0.6)]],
+            &[(-0.8, -0.6, 0.18, true), (0.8, 0.6, 0.18, true)],
+        ),
+        Icon::Region => (&[], &[(0.0, 0.0, 0.9, false), (0.0, 0.0, 0.45, true)]),
+        Icon::Patch => (
+            &[
+                &[(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85), (-0.85, -0.85)],
+                &[(0.0, -0.85), (0.0, 0.85)],
+                &[(-0.85, 0.0), (0.85, 0.0)],
+            ],
+            &[(0.42, -0.42, 0.28, true)],
+        ),
+        Icon::Dot => (&[], &[(0.0, 0.0, 0.35, true)]),
+        Icon::InFront => (
+            &[
+                &[(-0.85, -0.3), (0.3, -0.3), (0.3, 0.85), (-0.85, 0.85), (-0.85, -0.3)],
+                &[(-0.3, -0.5), (-0.3, -0.85), (0.85, -0.85), (0.85, 0.3), (0.5, 0.3)],
+            ],
+            &[(-0.28, 0.28, 0.2, true)],
+        ),
+        Icon::Orbit => (
+            &[
+                &[
+                    (0.9, -0.1),
+                    (0.6, -0.65),
+                    (0.0, -0.88),
+                    (-0.6, -0.65),
+                    (-0.88, 0.0),
+                    (-0.6, 0.65),
+                    (0.0, 0.88),
+                    (0.6, 0.65),
+                ],
+                &[(0.5, -0.2), (0.9, -0.1), (0.95, -0.55)],
+            ],
+            &[(0.0, 0.0, 0.16, true)],
+        ),
+        Icon::Ball => (
+            &[
+                &[(-0.9, 0.0), (-0.5, 0.2), (0.0, 0.27), (0.5, 0.2), (0.9, 0.0)],
+                &[(0.0, -0.9), (0.2, -0.5), (0.27, 0.0), (0.2, 0.5), (0.0, 0.9)],
+            ],
+            &[(0.0, 0.0, 0.9, false)],
+        ),
+        Icon::Plane => {
+            (&[&[(-0.9, 0.1), (0.9, -0.85), (0.3, 0.85), (-0.1, 0.3), (-0.9, 0.1)], &[(-0.1, 0.3), (0.9, -0.85)]], &[])
+        }
+        Icon::Undo => (
+            &[
+                &[(-0.9, -0.25), (0.3, -0.25), (0.75, 0.0), (0.85, 0.35), (0.7, 0.65), (0.3, 0.8), (-0.2, 0.8)],
+                &[(-0.45, -0.7), (-0.9, -0.25), (-0.45, 0.2)],
+            ],
+            &[],
+        ),
+        Icon::Redo => (
+            &[
+                &[(0.9, -0.25), (-0.3, -0.25), (-0.75, 0.0), (-0.85, 0.35), (-0.7, 0.65), (-0.3, 0.8), (0.2, 0.8)],
+                &[(0.45, -0.7), (0.9, -0.25), (0.45, 0.2)],
+            ],
+            &[],
+        ),
+        Icon::Fit => (
+            &[
+                &[(-0.9, -0.4), (-0.9, -0.9), (-0.4, -0.9)],
+                &[(0.9, -0.4), (0.9, -0.9), (0.4, -0.9)],
+                &[(-0.9, 0.4), (-0.9, 0.9), (-0.4, 0.9)],
+                &[(0.9, 0.4), (0.9, 0.9), (0.4, 0.9)],
+            ],
+            &[(0.0, 0.0, 0.35, true)],
+        ),
+        Icon::Stereo => (
+            &[
+                &[(-0.95, -0.55), (-0.08, -0.55), (-0.08, 0.55), (-0.95, 0.55), (-0.95, -0.55)],
+                &[(0.08, -0.55), (0.95, -0.55), (0.95, 0.55), (0.08, 0.55), (0.08, -0.55)],
+            ],
+            &[(-0.45, 0.0, 0.16, true), (0.58, 0.0, 0.16, true)],
+        ),
+        Icon::Camera => (
+            &[&[
+                (-0.9, -0.45),
+                (-0.45, -0.45),
+                (-0.25, -0.75),
+                (0.25, -0.75),
+                (0.45, -0.45),
+                (0.9, -0.45),
+                (0.9, 0.7),
+                (-0.9, 0.7),
+                (-0.9, -0.45),
+            ]],
+            &[(0.0, 0.1, 0.36, false)],
+        ),
+        Icon::Turntable => (
+            &[
+                &[
+                    (-0.9, 0.3),
+                    (-0.6, 0.05),
+                    (0.0, -0.05),
+                    (0.6, 0.05),
+                    (0.9, 0.3),
+                    (0.6, 0.55),
+                    (0.0, 0.65),
+                    (-0.5, 0.58),
+                ],
+                &[(-0.15, 0.3), (-0.5, 0.58), (-0.15, 0.95)],
+                &[(-0.3, -0.1), (-0.3, -0.7), (0.3, -0.7), (0.3, -0.1)],
+            ],
+            &[],
+        ),
+        Icon::Panels => (
+            &[
+                &[(-0.9, -0.7), (0.9, -0.7), (0.9, 0.7), (-0.9, 0.7), (-0.9, -0.7)],
+                &[(-0.25, -0.7), (-0.25, 0.7)],
+                &[(-0.75, -0.3), (-0.42, -0.3)],
+                &[(-0.75, 0.05), (-0.42, 0.05)],
+            ],
+            &[],
+        ),
+        Icon::Eye | Icon::Lock | Icon::Layers | Icon::Lasso | Icon::Speech => return None,
+    })
 }
 
 /// Draws an icon into a square.
-pub(super) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke: Stroke) {
+pub(crate) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke: Stroke) {
     let at = |x: f32, y: f32| square.center() + 0.5 * square.size() * vec2(x, y);
+    if let Some((lines, circles)) = lines(icon) {
+        for line in lines {
+            painter.add(Shape::line(line.iter().map(|(x, y)| at(*x, *y)).collect(), stroke));
+        }
+        for (x, y, radius, is_filled) in circles {
+            let (middle, radius) = (at(*x, *y), 0.5 * radius * square.width());
+            if *is_filled {
+                painter.circle_filled(middle, radius, stroke.color);
+            } else {
+                painter.circle_stroke(middle, radius, stroke);
+            }
+        }
+        return;
+    }
     match icon {
         Icon::Layers => {
             let sheet = |y: f32, points: &[(f32, f32)]| points.iter().map(|(px, py)| at(*px, y + py)).collect();
@@ -82,5 +275,6 @@ pub(super) fn draw(painter: &Painter, icon: Icon, on: bool, square: Rect, stroke
                 painter.circle_filled(pos2(body.center().x, body.center().y), 0.0, stroke.color);
             }
         }
+        _ => {}
     }
 }

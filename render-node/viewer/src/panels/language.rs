@@ -1,6 +1,8 @@
 //! The panel "language": a person's utterances, the agents' actions, and their answers.
 
-use egui::{Button, Id, Label, Rect, RichText, ScrollArea, Ui, Vec2, vec2};
+use egui::style::ScrollAnimation;
+use egui::{Align, Button, Id, Label, Rect, RichText, ScrollArea, Ui, Vec2, vec2};
+use sg_edit::{EditState, UnitRef};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
@@ -11,6 +13,9 @@ use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
 use super::theme;
 use crate::display::{Entry, Request, Tools, Turn, ViewState};
+
+/// Longest name in a sentence that is offered, bytes.
+const OFFERED_NAME: usize = 24;
 
 impl Panel {
     /// Language: the conversation with the agents.
@@ -45,19 +50,40 @@ impl Panels {
                 .max_height(height)
                 .min_scrolled_height(height)
                 .auto_shrink(false)
-                .stick_to_bottom(true)
-                .show(ui, |ui| {
-                    if state.conversation.turns.is_empty() {
-                        let hint = "Type a change, such as \"make the sac red\", or ask a question.";
-                        ui.label(RichText::new(hint).weak());
-                    }
-                    for turn in &state.conversation.turns {
-                        show_turn_in_sight(ui, turn);
-                    }
-                });
+                .show(ui, |ui| self.conversation(ui, state));
             self.say(ui, state, &mut output);
         });
         output
+    }
+
+    /// The turns. A new sentence, and each line of its answer, bring the sentence to the top, or as far up as there is room
+    /// for: a long answer does not push it out of sight.
+    fn conversation(&mut self, ui: &mut Ui, state: &ViewState) {
+        if state.conversation.turns.is_empty() {
+            self.offers(ui, state);
+        }
+        let newest = state.conversation.turns.last().map(LastTurn::of);
+        let is_new = newest != self.last_turn;
+        self.last_turn = newest;
+        let last = state.conversation.turns.len().saturating_sub(1);
+        for (k, turn) in state.conversation.turns.iter().enumerate() {
+            let place = show_turn_in_sight(ui, turn);
+            if k == last && is_new {
+                ui.scroll_to_rect_animation(place, Some(Align::Min), ScrollAnimation::none());
+            }
+        }
+    }
+
+    /// What can be said at first, for this scene: pressing a line puts it into the field.
+    fn offers(&mut self, ui: &mut Ui, state: &ViewState) {
+        ui.label(RichText::new("Ask for a change, or ask a question. For example:").weak());
+        for sentence in offered(&state.scene) {
+            let button = Button::new(sentence.as_str()).wrap().frame_when_inactive(false);
+            if ui.add(button).on_hover_text("puts it into the field; Enter says it").clicked() {
+                self.text_input.set(Field::Say, sentence);
+                self.text_input.turn_to(Field::Say);
+            }
+        }
     }
 
     fn say(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
@@ -85,6 +111,35 @@ impl Panels {
     }
 }
 
+/// Sentences that this scene answers: about its first structure that can be changed, and two without a name.
+fn offered(scene: &EditState) -> Vec<String> {
+    let is_free = |name: &str, unit: UnitRef| {
+        !scene.is_locked(unit) && !name.contains(['"', '“', '”']) && name.len() <= OFFERED_NAME
+    };
+    let named = scene.names().find(|(name, unit)| is_free(name, *unit)).map(|(name, _)| name);
+    let about = named.map(|name| {
+        let letters = |word: &str| !word.is_empty() && word.chars().all(char::is_alphabetic);
+        // Other names are read as one only in quotation marks.
+        let is_plain = name.split(' ').all(letters);
+        if is_plain { format!("make the {name} blue") } else { format!("make \"{name}\" blue") }
+    });
+    about.into_iter().chain(["what is there?".to_owned(), "turn it to the left".to_owned()]).collect()
+}
+
+/// State of the newest turn: when it differs, there is something new to read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct LastTurn {
+    id: String,
+    entries: usize,
+    answered: bool,
+}
+
+impl LastTurn {
+    fn of(turn: &Turn) -> Self {
+        Self { id: turn.id.clone(), entries: turn.entries.len(), answered: turn.answer.is_some() }
+    }
+}
+
 /// Inputs to a turn's height, and the resulting height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Height {
@@ -95,8 +150,8 @@ struct Height {
     points: f32,
 }
 
-/// A long conversation costs only its visible part: the rest has known heights only.
-fn show_turn_in_sight(ui: &mut Ui, turn: &Turn) {
+/// A long conversation costs only its visible part: the rest has known heights only. Returns the turn's place.
+fn show_turn_in_sight(ui: &mut Ui, turn: &Turn) -> Rect {
     let known = Id::unique(("height of a turn", &turn.id));
     let now = Height {
         width: ui.available_width(),
@@ -109,20 +164,20 @@ fn show_turn_in_sight(ui: &mut Ui, turn: &Turn) {
     if let Some(Height { width, points, .. }) = had {
         let place = Rect::from_min_size(ui.cursor().min, vec2(width, points));
         if !ui.is_rect_visible(place) {
-            ui.allocate_space(place.size());
-            return;
+            return ui.allocate_space(place.size()).1;
         }
     }
-    let points = show_turn(ui, turn);
-    ui.data_mut(|d| d.insert_temp(known, Height { points, ..now }));
+    let place = show_turn(ui, turn);
+    ui.data_mut(|d| d.insert_temp(known, Height { points: place.height(), ..now }));
+    place
 }
 
-/// Draws a turn; its height in points.
-fn show_turn(ui: &mut Ui, turn: &Turn) -> f32 {
+/// Draws a turn; its place.
+fn show_turn(ui: &mut Ui, turn: &Turn) -> Rect {
     let (accent, error) = (ui.visuals().hyperlink_color, ui.visuals().error_fg_color);
     let drawn = theme::card(ui).show(ui, |ui| {
         ui.set_min_width(ui.available_width());
-        ui.label(RichText::new("Said").small().weak());
+        ui.label(RichText::new("You").small().weak());
         ui.add(Label::new(RichText::new(&turn.said).strong()).wrap());
         let mut heading = "";
         for entry in &turn.entries {
@@ -148,5 +203,5 @@ fn show_turn(ui: &mut Ui, turn: &Turn) -> f32 {
             }
         }
     });
-    drawn.response.rect.height()
+    drawn.response.rect
 }

@@ -57,12 +57,15 @@ mod wrist;
 
 use std::path::Path;
 
-use egui::Ui;
+use egui::{Rect, Ui};
 use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
 pub(crate) use commands::{crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
+pub(crate) use control::{capital, labelled_button};
+pub(crate) use display_options::mode_icon;
+pub(crate) use icon::Icon;
 pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::{Dock, Panel, RoomPlace};
@@ -100,6 +103,16 @@ impl Panels {
     /// Moves the keyboard focus to the field for the agents at its next frame.
     pub fn say_something(&mut self) {
         self.text_input.turn_to(text_input::Field::Say);
+    }
+
+    /// Where the field for the name of a new unit was drawn in this frame, points.
+    pub(crate) fn name_place(&mut self) -> Option<Rect> {
+        self.text_input.take_place(text_input::Field::SaveName)
+    }
+
+    /// Where the field for the agents was drawn in this frame, points.
+    pub(crate) fn say_place(&mut self) -> Option<Rect> {
+        self.text_input.take_place(text_input::Field::Say)
     }
 
     /// Whether another panel's change alters this panel's look or state: letters waiting for their field, or a field that

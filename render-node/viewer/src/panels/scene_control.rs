@@ -2,22 +2,21 @@
 
 use egui::{RichText, Ui, Vec2};
 
-use super::commands;
 use super::control::{scrolling, section};
 use super::icon::Icon;
-use super::output::Output;
+use super::output::{Output, PanelHost};
 use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
-    /// Scene control: units, light, viewpoint, history, and display options.
+    /// Scene control: light, viewpoint, history, and display options; in a headset also units.
     pub const SCENE: Self = Self {
         name: "scene",
         title: "Scene control",
         icon: Some(Icon::Layers),
         size: Vec2::new(460.0, 760.0),
-        dock: Some(Dock::Left),
+        dock: Some(Dock::Right),
         place: RoomPlace::Around { degrees: -55.0 },
         has_content: |_| true,
         draw: Panels::scene_control,
@@ -33,25 +32,21 @@ impl Panels {
 
     fn scene_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
         Panel::SCENE.heading(ui);
-        if state.services.scene {
-            self.steps_back(ui, state, output);
-        } else {
+        if !state.services.scene {
             ui.label(
                 RichText::new("The scene service does not answer: no changes now. \"What is shown\" still works.")
                     .weak(),
             );
         }
-        section(ui, "Base units", true, |ui| self.base_units(ui, state, output));
-        if state.scene.units().any(|u| !u.derived) {
-            section(ui, "Units", true, |ui| self.editable_units(ui, state, false, output));
+        // A window has them in its task column, and one undo in its toolbar.
+        let is_window = self.host == PanelHost::Window;
+        if !is_window {
+            if state.services.scene {
+                self.steps_back(ui, state, output);
+            }
+            self.structures(ui, state, output);
         }
-        if state.scene.units().any(|u| u.derived) {
-            section(ui, "Made by commands", false, |ui| self.editable_units(ui, state, true, output));
-        }
-        if state.services.scene && ui.button("show everything").clicked() {
-            output.change(commands::set_visibility(commands::everything(), true));
-        }
-        section(ui, "What is shown", false, |ui| self.what_is_shown(ui, state, tools));
+        section(ui, "What is shown", is_window, |ui| self.what_is_shown(ui, state, tools));
         if state.services.scene {
             section(ui, "Light and background", false, |ui| self.light(ui, state, tools, output));
         }

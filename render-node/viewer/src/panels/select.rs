@@ -13,7 +13,10 @@ use sg_proto::scene::{
 use sg_proto::selection::StrokesRequest;
 
 use super::commands::{crop_to_selection, delete_selection, frame_selection, select_visible};
-use super::control::{NOTHING_SELECTED, Number, button_width, by_number, scrolling, section, section_that};
+use super::control::{
+    NOTHING_SELECTED, Number, button_width, by_number, framed, scale, scroll, scrolling, section, section_that,
+};
+use super::display_options::brush_width;
 use super::icon::Icon;
 use super::output::{Output, PanelHost};
 use super::panel::{Dock, Panel, RoomPlace};
@@ -24,6 +27,9 @@ use super::theme;
 use crate::display::number_format::{count, decimal, percent};
 use crate::display::{Request, Tools, ViewState};
 
+/// Least height of a window's column that has room for a part that does not scroll, points at the usual size of text.
+const FIXED_HEAD: f32 = 330.0;
+
 impl Panel {
     /// Select: brush, selection, and the resulting unit.
     pub const SELECT: Self = Self {
@@ -31,7 +37,7 @@ impl Panel {
         title: "Select",
         icon: Some(Icon::Lasso),
         size: Vec2::new(420.0, 700.0),
-        dock: Some(Dock::Right),
+        dock: Some(Dock::Left),
         place: RoomPlace::Around { degrees: 50.0 },
         has_content: |state| state.services.selection || state.services.scene,
         draw: Panels::select_panel,
@@ -41,8 +47,55 @@ impl Panel {
 impl Panels {
     fn select_panel(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> Output {
         let mut output = Output::default();
-        scrolling(ui, Panel::SELECT.name, |ui| self.select_sections(ui, state, tools, &mut output));
+        match self.host {
+            PanelHost::Window => framed(ui, |ui| self.task_column(ui, state, tools, &mut output)),
+            PanelHost::Headset => {
+                scrolling(ui, Panel::SELECT.name, |ui| self.select_sections(ui, state, tools, &mut output));
+            }
+        }
         output
+    }
+
+    /// The column of a window: the brush, the selection with its number, its name and the button that saves it, and the
+    /// structures. The first two stay in sight while the rest scrolls, unless the column is too low for that.
+    fn task_column(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
+        if ui.available_height() >= FIXED_HEAD * scale(ui) {
+            self.task_head(ui, state, tools, output);
+            scroll(ui, Panel::SELECT.name, |ui| self.task_sections(ui, state, tools, output));
+        } else {
+            scroll(ui, Panel::SELECT.name, |ui| {
+                self.task_head(ui, state, tools, output);
+                self.task_sections(ui, state, tools, output);
+            });
+        }
+    }
+
+    fn task_head(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
+        if state.services.selection {
+            self.modes(ui, tools);
+            ui.label(RichText::new(tools.mode.hint()).small().weak());
+            brush_width(ui, tools);
+        }
+        how_many(ui, state);
+        if state.services.scene {
+            self.save(ui, state, output);
+        } else {
+            self.text_input.forget(Field::SaveName);
+        }
+    }
+
+    fn task_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
+        if state.tuning().is_some() {
+            section(ui, "Reach and Strictness", true, |ui| self.walk(ui, state, tools, output));
+        }
+        self.structures(ui, state, output);
+        section(ui, "Selection", true, |ui| {
+            self.operations(ui, state, tools, output);
+            self.highlight(ui, tools);
+        });
+        if state.services.selection {
+            section(ui, "Brush", false, |ui| self.brush_reach(ui, tools));
+        }
     }
 
     fn select_sections(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools, output: &mut Output) {
@@ -55,7 +108,7 @@ impl Panels {
         }
         if state.tuning().is_some() {
             // In a room the stick changes a walk, and the controls below must be in reach without scrolling.
-            section(ui, "Reach and Strictness", self.host == PanelHost::Window, |ui| {
+            section(ui, "Reach and Strictness", false, |ui| {
                 self.walk(ui, state, tools, output);
             });
         }
@@ -106,11 +159,16 @@ impl Panels {
         };
         ui.horizontal_wrapped(|ui| {
             if state.services.selection {
-                if button(ui, some, "clear", "forgets all strokes and selects nothing") {
+                if button(ui, some, "clear", "forgets all strokes and selects nothing (Ctrl+D)") {
                     let restart = StrokesRequest { restart: true, ..StrokesRequest::default() };
                     output.requests.push(Request::Select(restart));
                 }
-                if button(ui, true, "invert", "within the base units in which something is selected") {
+                if button(
+                    ui,
+                    true,
+                    "invert",
+                    "within the structures of the file in which something is selected (Ctrl+I)",
+                ) {
                     output.requests.push(step(Operation::Invert(Invert {}), own));
                 }
                 if button(ui, some, "largest piece", "keeps only the largest connected piece") {
@@ -121,7 +179,8 @@ impl Panels {
                 self.all_and_deletion(ui, state, output);
                 // The scene frames the selection that it has stored.
                 let stored = !state.scene.selection().mask().is_none();
-                if button(ui, stored, "frame selection", "looks at the selection from the present direction") {
+                if button(ui, stored, "frame selection", "looks at the selection from the present direction (Shift+F)")
+                {
                     output.change(frame_selection());
                 }
             }
@@ -193,7 +252,9 @@ impl Panels {
             saves = self.text_input.edit(ui, Field::SaveName, "name of the new unit", width, MAX_NAME_BYTES)
                 == FieldEvent::Entered;
             let ready = !self.text_input.text(Field::SaveName).trim().is_empty() && !state.selected.is_none();
-            let pressed = ui.add_enabled(ready, Button::new("save")).clicked();
+            let pressed =
+                ui.add_enabled(ready, Button::new("save")).on_hover_text("saves the selection under this name");
+            let pressed = pressed.on_disabled_hover_text("brush something and type a name first").clicked();
             saves = ready && (pressed || saves);
         });
         let name = self.text_input.text(Field::SaveName).trim().to_owned();
@@ -202,7 +263,7 @@ impl Panels {
         let saved_before = |id: u64| state.scene.units().any(|u| u.id == id && !u.derived);
         match same {
             Some((taken, UnitRef::Base(_))) => {
-                let text = format!("{taken} is a base unit of the file; choose another name.");
+                let text = format!("{taken} is a structure of the file; choose another name.");
                 ui.label(RichText::new(text).color(ui.visuals().warn_fg_color));
                 return;
             }
@@ -228,9 +289,7 @@ impl Panels {
 
     fn confirm(&mut self, ui: &mut Ui, taken: &str, output: &mut Output) -> Response {
         let card = theme::card(ui).show(ui, |ui| {
-            ui.label(format!(
-                "A unit {taken} exists. Replace its Gaussians by the selection? Its colour and opacity stay."
-            ));
+            ui.label(format!("{taken} exists. Replace its Gaussians by the selection? Its colour and opacity stay."));
             ui.horizontal(|ui| {
                 if ui.button("replace it").clicked() {
                     let name = taken.to_owned();

@@ -6,6 +6,7 @@ use sg_edit::UnitRef;
 use sg_proto::scene::command::Action;
 use sg_raster::attributes;
 
+use super::language::LastTurn;
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
 use super::transfer::Curve;
@@ -33,6 +34,8 @@ pub struct Panels {
     pub(super) shift: bool,
     pub(super) renaming: Option<u64>,
     pub(super) select: SelectState,
+    /// The newest turn of the conversation as it was shown last.
+    pub(super) last_turn: Option<LastTurn>,
     /// Revision of the scene that was shown last.
     pub(super) revision: u64,
     pub(super) shown_notices: NoticeTimes,

@@ -3,7 +3,7 @@
 use super::panel::Panel;
 
 impl Panel {
-    /// All panels. A window stacks those of one side in this order. In a headset the first one shows the notices.
+    /// All panels. A window stacks those of one side in this order, and has tabs in this order where it is narrow. In a headset the first one shows the notices.
     pub const ALL: &'static [Self] = &[Self::SCENE, Self::SELECT, Self::LANGUAGE, Self::KEYBOARD, Self::WRIST];
 }
 

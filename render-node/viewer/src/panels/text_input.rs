@@ -52,6 +52,8 @@ pub(super) struct TextInput {
     leave: bool,
     wanted: Option<Field>,
     version: u64,
+    /// Where each field was drawn last, until [`Self::take_place`].
+    places: [Option<Rect>; 3],
 }
 
 /// Key of a context's memory for the place of its virtual keyboard.
@@ -90,6 +92,11 @@ impl TextInput {
     /// Whether a field gets the focus at its next frame.
     pub(super) fn wants(&self, field: Field) -> bool {
         self.wanted == Some(field)
+    }
+
+    /// Where a field was drawn since the last call.
+    pub(super) fn take_place(&mut self, field: Field) -> Option<Rect> {
+        self.places[field as usize].take()
     }
 
     /// A field is no longer drawn.
@@ -159,6 +166,7 @@ impl TextInput {
         let text = &mut self.texts[field as usize];
         let edit = TextEdit::singleline(text).id(id).hint_text(hint).desired_width(width).char_limit(most);
         let response = edit.show(ui).response.response;
+        self.places[field as usize] = Some(response.rect).filter(|rect| ui.is_rect_visible(*rect));
         ui.ctx().accesskit_node_builder(id, |node| node.set_label(field.name()));
         let (entered, given) = ui.input(|i| (i.key_pressed(Key::Enter), i.key_pressed(Key::Escape)));
         ui.input_mut(|i| i.events.truncate(had));

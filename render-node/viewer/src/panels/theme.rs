@@ -119,7 +119,7 @@ pub(super) fn frame(ui: &Ui) -> Frame {
 }
 
 /// A card on a panel: a group of controls.
-pub(super) fn card(ui: &Ui) -> Frame {
+pub(crate) fn card(ui: &Ui) -> Frame {
     Frame::new()
         .fill(ui.visuals().faint_bg_color)
         .stroke(ui.visuals().widgets.noninteractive.bg_stroke)

@@ -7,9 +7,9 @@ use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation};
 
-use super::control::{Number, bare_slider, button_width, cell, icon, scale};
+use super::control::{Number, bare_slider, button_width, cell, icon, scale, section};
 use super::icon::Icon;
-use super::output::Output;
+use super::output::{Output, PanelHost};
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
@@ -80,7 +80,31 @@ impl LineLayout {
 }
 
 impl Panels {
-    pub(super) fn base_units(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    /// The structures: those of the file, saved ones, and those that commands made.
+    pub(super) fn structures(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        match self.host {
+            PanelHost::Window => {
+                section(ui, "Structures", true, |ui| {
+                    self.base_units(ui, state, output);
+                    self.editable_units(ui, state, false, output);
+                });
+            }
+            PanelHost::Headset => {
+                section(ui, "Base units", true, |ui| self.base_units(ui, state, output));
+                if state.scene.units().any(|u| !u.derived) {
+                    section(ui, "Units", true, |ui| self.editable_units(ui, state, false, output));
+                }
+            }
+        }
+        if state.scene.units().any(|u| u.derived) {
+            section(ui, "Made by commands", false, |ui| self.editable_units(ui, state, true, output));
+        }
+        if state.services.scene && ui.button("show everything").clicked() {
+            output.change(commands::set_visibility(commands::everything(), true));
+        }
+    }
+
+    fn base_units(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         for (i, base) in state.scene.base_units().iter().enumerate() {
             let row = Row {
                 unit: UnitRef::Base(i),
@@ -95,7 +119,7 @@ impl Panels {
     }
 
     /// Editable units: those that a person saved, or those that commands made.
-    pub(super) fn editable_units(&mut self, ui: &mut Ui, state: &ViewState, derived: bool, output: &mut Output) {
+    fn editable_units(&mut self, ui: &mut Ui, state: &ViewState, derived: bool, output: &mut Output) {
         for unit in state.scene.units().filter(|u| u.derived == derived) {
             let row = Row {
                 unit: UnitRef::Editable(unit.id),
@@ -257,14 +281,17 @@ impl Panels {
             Action::Select(Select { target: Some(commands::unit(&row.name)), operation: operation.into() })
         };
         ui.horizontal_wrapped(|ui| {
-            for (text, operation) in [
-                ("select", SetOperation::Replace),
-                ("add to selection", SetOperation::Add),
-                ("take from selection", SetOperation::Remove),
+            for (text, operation, does) in [
+                ("select", SetOperation::Replace, "its splats become the selection"),
+                ("add to selection", SetOperation::Add, "its splats join the selection"),
+                ("take from selection", SetOperation::Remove, "its splats leave the selection"),
             ] {
                 // Nothing of a locked unit is selected.
                 let enabled = !row.locked || operation == SetOperation::Remove;
-                let button = ui.add_enabled(enabled, Button::new(text)).on_disabled_hover_text("it is locked");
+                let button = ui
+                    .add_enabled(enabled, Button::new(text))
+                    .on_hover_text(does)
+                    .on_disabled_hover_text("locked; press its lock first");
                 if button.clicked() {
                     output.change(select(operation));
                 }
@@ -272,7 +299,7 @@ impl Panels {
             if ui.button("solo").on_hover_text("shows this unit and hides all others").clicked() {
                 output.change(commands::show_only(&row.name));
             }
-            if ui.button("look at it").clicked() {
+            if ui.button("look at it").on_hover_text("frames it from the present direction").clicked() {
                 output.change(commands::focus(commands::unit(&row.name)));
             }
         });
@@ -295,13 +322,13 @@ impl Panels {
             });
             return;
         }
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             if ui.button("rename").clicked() {
                 self.renaming = Some(id);
                 self.text_input.set(Field::NewName, row.name.clone());
                 self.text_input.turn_to(Field::NewName);
             }
-            if ui.button("Remove name").on_hover_text("keeps the splats; undo brings the unit back").clicked() {
+            if ui.button("Remove name (keeps splats)").on_hover_text("undo brings the name back").clicked() {
                 output.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
             }
         });

@@ -1,4 +1,4 @@
-//! The part of the 3D prompt about the last walk: its leak and threshold, and proposals for a next stroke.
+//! The part of the Select panel about the last Region stroke: its Reach and Strictness, and proposals for a next stroke.
 
 use egui::{Button, RichText, Ui};
 

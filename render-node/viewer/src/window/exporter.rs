@@ -2,8 +2,8 @@
 //! video. Drawing happens beside the loop at the best quality. Exports Gaussians with their edits, too.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use glam::Vec3;
 use sg_edit::{EditState, Part};
@@ -14,6 +14,7 @@ use sg_scene::model::Scene;
 
 use super::navigation::Navigator;
 use crate::display::LatestWorker;
+use crate::display::number_format::count;
 use crate::video::{self, VIDEO_TIMEOUT};
 use sg_raster::finish::Finish;
 use sg_raster::image::Image;
@@ -42,19 +43,18 @@ pub(crate) enum ExportJob {
 /// Keeps pictures.
 #[derive(Debug)]
 pub(crate) struct Exporter {
-    worker: LatestWorker<ExportJob, Result<String, String>>,
+    worker: LatestWorker<(ExportJob, Arc<AtomicBool>), Result<String, String>>,
     /// Finished pictures of the current turn, and their total.
     done: Arc<AtomicU32>,
     /// Pictures that are in its video.
     in_video_count: Arc<AtomicU32>,
-    /// Whether the export is cancelled.
-    stopped: Arc<AtomicBool>,
+    /// Of each export that is under way or queued: whether it is cancelled.
+    cancelled: Mutex<Vec<Weak<AtomicBool>>>,
 }
 
 impl Drop for Exporter {
     fn drop(&mut self) {
-        // A turn that is being drawn ends with its present picture, a video at once.
-        self.stopped.store(true, Ordering::Relaxed);
+        self.cancel();
     }
 }
 
@@ -67,26 +67,38 @@ impl Exporter {
         wake: impl Fn() + Send + 'static,
     ) -> std::io::Result<Self> {
         let done = Arc::new(AtomicU32::new(0));
-        let stopped = Arc::new(AtomicBool::new(false));
         let in_video_count = Arc::new(AtomicU32::new(0));
-        let (counted, in_video, stop) = (Arc::clone(&done), Arc::clone(&in_video_count), Arc::clone(&stopped));
-        let work = move |job| {
+        let (counted, in_video) = (Arc::clone(&done), Arc::clone(&in_video_count));
+        let work = move |(job, stop): (ExportJob, Arc<AtomicBool>)| {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
                 Exported::Picture(path) => format!("saved {}", path.display()),
-                Exported::Splats(path, count) => format!("saved {count} Gaussians as {}", path.display()),
+                Exported::Splats(path, n) => format!("saved {} Gaussians as {}", count(n), path.display()),
                 Exported::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
+                Exported::Cancelled(turn, n) => format!("turntable cancelled; {n} pictures are in {}", turn.display()),
             });
             counted.store(0, Ordering::Relaxed);
             in_video.store(0, Ordering::Relaxed);
             exported
         };
-        Ok(Self { worker: LatestWorker::new("keeps", work, wake)?, done, in_video_count, stopped })
+        Ok(Self { worker: LatestWorker::new("keeps", work, wake)?, done, in_video_count, cancelled: Mutex::default() })
     }
 
     /// Queues an export; it replaces a queued one that has not begun.
     pub(crate) fn export(&self, job: ExportJob) {
-        self.worker.submit(job);
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut cancelled = self.cancelled.lock().unwrap_or_else(PoisonError::into_inner);
+        cancelled.retain(|one| one.strong_count() > 0);
+        cancelled.push(Arc::downgrade(&stop));
+        self.worker.submit((job, stop));
+    }
+
+    /// Cancels all exports. A turn that is being drawn ends with its present picture, a video at once.
+    pub(crate) fn cancel(&self) {
+        let cancelled = self.cancelled.lock().unwrap_or_else(PoisonError::into_inner);
+        for stop in cancelled.iter().filter_map(Weak::upgrade) {
+            stop.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Result of the export with its path, or its error: a line for a person, returned once.
@@ -112,6 +124,8 @@ enum Exported {
     Splats(PathBuf, usize),
     /// The folder of a turn's pictures.
     Turn(PathBuf),
+    /// The folder of a cancelled turn, and the number of its pictures.
+    Cancelled(PathBuf, u32),
 }
 
 /// Makes a video of a turn beside its pictures. The pictures stay even if it fails. Returns a line for a person.
@@ -149,7 +163,7 @@ fn exported(
             let even = |edge: u32| (((f64::from(edge) * scale) as u32) & !1).max(2);
             for k in 0..TURN {
                 if stop.load(Ordering::Relaxed) {
-                    return Err(format!("the window was closed after {k} pictures in {}", turn.display()));
+                    return Ok(Exported::Cancelled(turn, k));
                 }
                 let view = navigator.view.orbited(360.0 * f64::from(k) / f64::from(TURN), 0.0);
                 let camera = navigator.at(view).camera(even(width), even(height));

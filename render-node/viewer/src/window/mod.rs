@@ -9,6 +9,7 @@ mod drawing;
 mod error;
 pub(crate) mod exporter;
 mod file_drop;
+mod hints;
 mod image_texture;
 mod lasso;
 mod navigation;
@@ -44,10 +45,11 @@ use sg_raster::render::Quality;
 
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
+pub use hints::Hint;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
 pub use settings::{Settings, SettingsError};
-pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
+pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
 pub use window_ui::WindowUi;
 
 use surface::{PresentResult, WindowSurface};

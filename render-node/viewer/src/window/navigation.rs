@@ -32,6 +32,16 @@ impl NavigationMode {
         }
     }
 
+    /// One line on the effect of a drag, with its key.
+    #[must_use]
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Orbit => "Turns about the target; up stays up. (M)",
+            Self::Trackball => "Turns about the target in any direction. (M)",
+            Self::Fly => "The eye looks elsewhere; W A S D, Q and E move it. (M)",
+        }
+    }
+
     /// The next one.
     #[must_use]
     pub fn next(self) -> Self {

@@ -23,6 +23,7 @@ use crate::display::{
     AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
     ViewState,
 };
+use crate::panels::Icon;
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_raster::finish::Finish;
@@ -55,6 +56,27 @@ impl MouseTool {
             Self::Brush => "brush",
             Self::Lasso => "lasso",
             Self::Rectangle => "rectangle",
+        }
+    }
+
+    /// Its icon.
+    pub(super) fn icon(self) -> Icon {
+        match self {
+            Self::Navigate => Icon::Arrows,
+            Self::Brush => Icon::Brush,
+            Self::Lasso => Icon::Lasso,
+            Self::Rectangle => Icon::Rectangle,
+        }
+    }
+
+    /// One line on the effect of a drag, with its key.
+    #[must_use]
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Navigate => "A drag turns the scene. (N)",
+            Self::Brush => "A drag selects what it brushes over; with Shift it takes away. (B)",
+            Self::Lasso => "A drag selects what it encircles; with Shift it takes away. (L)",
+            Self::Rectangle => "A drag selects what is inside the rectangle; with Shift it takes away. (R)",
         }
     }
 }

@@ -7,6 +7,7 @@ use directories::ProjectDirs;
 use serde::{Deserialize, Serialize};
 use sg_input::{file, limits};
 
+use super::hints::Hint;
 use super::navigation::NavigationMode;
 use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
@@ -46,6 +47,8 @@ pub struct Settings {
     pub gradient: bool,
     /// Whether ambient light is occluded.
     pub occlusion: bool,
+    /// Hints that a person has dismissed, or has no need of any more.
+    pub hints_done: Vec<Hint>,
 }
 
 impl Default for Settings {
@@ -67,6 +70,7 @@ impl Default for Settings {
             scale,
             gradient,
             occlusion,
+            hints_done: Vec::new(),
         }
     }
 }

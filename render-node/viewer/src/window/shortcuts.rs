@@ -15,7 +15,7 @@ pub enum Action {
     Lasso,
     /// The mouse draws a rectangle.
     Rectangle,
-    /// Strokes seed a walk.
+    /// Strokes grow to the whole structure.
     Walk,
     /// Strokes change whole Super-Gaussians.
     Cluster,
@@ -67,7 +67,7 @@ pub enum Action {
     Turntable,
     /// Keeps the selected Gaussians, or the visible ones, as a file.
     ExportSplats,
-    /// Two eyes side by side.
+    /// A picture for each eye, side by side.
     Stereo,
     /// Shows or hides panels.
     Panels,
@@ -75,10 +75,100 @@ pub enum Action {
     Theme,
     /// The next view of the structure.
     NextDisplayMode,
-    /// Cancels the stroke or lasso under way.
+    /// Moves the eye about its target, or looks elsewhere where it flies.
+    Turn(Way),
+    /// Moves eye and target in the plane of the picture.
+    Slide(Way),
+    /// Goes nearer.
+    Nearer,
+    /// Goes further away.
+    Further,
+    /// Cancels the stroke, lasso or turntable under way.
     Abandon,
     /// Closes the window.
     Close,
+}
+
+/// Where an arrow key points, as seen in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// To the left.
+    Left,
+    /// To the right.
+    Right,
+    /// Upwards.
+    Up,
+    /// Downwards.
+    Down,
+}
+
+/// A subject of the list of shortcuts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Tools of the mouse and their settings.
+    Tools,
+    /// What is selected, and edits of it.
+    Selection,
+    /// The eye and what is shown.
+    View,
+    /// Files that are written.
+    Files,
+    /// All else.
+    Other,
+}
+
+impl Group {
+    /// All, in the order of the list.
+    pub const ALL: [Self; 5] = [Self::Tools, Self::Selection, Self::View, Self::Files, Self::Other];
+
+    /// Heading in the list.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Tools => "Tools",
+            Self::Selection => "Selection",
+            Self::View => "View",
+            Self::Files => "Files",
+            Self::Other => "Other",
+        }
+    }
+}
+
+impl Action {
+    /// Its subject.
+    #[must_use]
+    pub fn group(self) -> Group {
+        match self {
+            Self::Navigate
+            | Self::Brush
+            | Self::Lasso
+            | Self::Rectangle
+            | Self::Walk
+            | Self::Cluster
+            | Self::Point
+            | Self::Wider
+            | Self::Narrower
+            | Self::Depth
+            | Self::Less
+            | Self::More
+            | Self::NextParameter => Group::Tools,
+            Self::All | Self::Clear | Self::Invert | Self::Delete | Self::Crop | Self::Name | Self::FrameSelection => {
+                Group::Selection
+            }
+            Self::Fit
+            | Self::NextUp
+            | Self::Flip
+            | Self::NavigationMode
+            | Self::Turn(_)
+            | Self::Slide(_)
+            | Self::Nearer
+            | Self::Further
+            | Self::NextDisplayMode
+            | Self::Stereo => Group::View,
+            Self::Picture | Self::Turntable | Self::ExportSplats => Group::Files,
+            _ => Group::Other,
+        }
+    }
 }
 
 /// A key and its action.
@@ -152,11 +242,22 @@ pub const SHORTCUTS: &[Shortcut] = &[
         Action::ExportSplats,
         "save the selected Gaussians as a PLY file; without a selection, the visible ones",
     ),
-    plain(Key::X, "X", Action::Stereo, "stereo: two eyes side by side"),
+    with(Modifiers::SHIFT, Key::ArrowLeft, "Shift+Left", Action::Slide(Way::Left), "slide the eye"),
+    with(Modifiers::SHIFT, Key::ArrowRight, "Shift+Right", Action::Slide(Way::Right), "slide the eye"),
+    with(Modifiers::SHIFT, Key::ArrowUp, "Shift+Up", Action::Slide(Way::Up), "slide the eye"),
+    with(Modifiers::SHIFT, Key::ArrowDown, "Shift+Down", Action::Slide(Way::Down), "slide the eye"),
+    plain(Key::ArrowLeft, "Left", Action::Turn(Way::Left), "turn the eye"),
+    plain(Key::ArrowRight, "Right", Action::Turn(Way::Right), "turn the eye"),
+    plain(Key::ArrowUp, "Up", Action::Turn(Way::Up), "turn the eye"),
+    plain(Key::ArrowDown, "Down", Action::Turn(Way::Down), "turn the eye"),
+    plain(Key::Plus, "+", Action::Nearer, "nearer"),
+    plain(Key::Equals, "=", Action::Nearer, "nearer"),
+    plain(Key::Minus, "-", Action::Further, "further away"),
+    plain(Key::X, "X", Action::Stereo, "stereo: a picture for each eye, side by side"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
-    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke or lasso under way"),
+    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso or turntable under way"),
 ];
 
 /// Mouse functions, for the list.
@@ -169,16 +270,32 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("W A S D, Q E", "fly, in that manner"),
 ];
 
-/// Actions of the keys just pressed, one per press; each press counts once.
+/// Keys that press, or leave, a control with the keyboard focus.
+const OF_FOCUS: [Key; 5] = [Key::Enter, Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
+
+/// Actions of the keys just pressed, one per press; each press counts once. Where a control other than a text field
+/// `has_focus`, the keys that such a control uses are left to it.
 #[must_use]
-pub(super) fn pressed(input: &mut InputState) -> Vec<Action> {
+pub(super) fn pressed(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     let mut asked = Vec::new();
-    for shortcut in SHORTCUTS {
+    for shortcut in SHORTCUTS.iter().filter(|s| !(has_focus && OF_FOCUS.contains(&s.key))) {
         for _ in 0..input.count_and_consume_key(shortcut.modifiers, shortcut.key) {
             asked.push(shortcut.action);
         }
     }
     asked
+}
+
+/// What the list shows of a subject: keys with the same effect in one row.
+pub(super) fn rows(group: Group) -> Vec<(String, &'static str)> {
+    let mut rows: Vec<(String, &'static str)> = Vec::new();
+    for shortcut in SHORTCUTS.iter().filter(|s| s.action.group() == group) {
+        match rows.iter_mut().find(|(_, does)| *does == shortcut.does) {
+            Some((written, _)) => *written = format!("{written}, {}", shortcut.written),
+            None => rows.push((shortcut.written.to_owned(), shortcut.does)),
+        }
+    }
+    rows
 }
 
 #[cfg(test)]
@@ -193,6 +310,15 @@ mod tests {
         assert_eq!(keys.len(), SHORTCUTS.len());
         let flies = [Key::W, Key::A, Key::S, Key::D, Key::Q, Key::E];
         assert!(SHORTCUTS.iter().all(|s| s.modifiers != Modifiers::NONE || !flies.contains(&s.key)));
+    }
+
+    #[test]
+    fn every_key_stands_once_in_the_list() {
+        let rows: Vec<_> = Group::ALL.into_iter().flat_map(rows).collect();
+        let keys: usize =
+            rows.iter().map(|(written, _)| written.split(", ").filter(|key| !key.is_empty()).count()).sum();
+        assert_eq!(keys, SHORTCUTS.len(), "{rows:?}");
+        assert!(rows.contains(&("Delete, Backspace".to_owned(), "delete the selected Gaussians")));
     }
 
     #[test]

@@ -4,15 +4,18 @@ use egui::{Align2, RichText, Ui};
 
 use super::navigation::NavigationMode;
 use super::scene_view::MouseTool;
-use super::shortcuts::{Action, MOUSE, SHORTCUTS};
+use super::shortcuts::{Action, Group, MOUSE, SHORTCUTS, rows};
 use super::window_ui::WindowUi;
 use crate::display::number_format::{count, milliseconds, percent};
 use crate::display::{BrushMode, BrushSign, Request, ViewState};
-use crate::panels::theme;
+use crate::panels::{Icon, capital, labelled_button, mode_icon, theme};
 use sg_raster::render::Quality;
 
 /// Least width of the window in points for two columns of shortcuts, at the usual text size.
 const TWO_COLUMNS: f32 = 1100.0;
+
+/// Least width of a toolbar whose icons have labels, points at the usual size of text.
+const LABELLED: f32 = 900.0;
 
 /// Points of the window's height that the list of shortcuts leaves to its title and margins.
 const AROUND_HELP: f32 = 110.0;
@@ -20,29 +23,36 @@ const AROUND_HELP: f32 = 110.0;
 impl WindowUi {
     /// Tools and other actions without a panel.
     pub(super) fn toolbar(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
+        let short = ui.available_width() < LABELLED * self.tools.scale;
         ui.horizontal_wrapped(|ui| {
-            for mouse_tool in MouseTool::ALL {
-                if mouse_tool == MouseTool::Navigate || state.services.selection {
-                    ui.selectable_value(&mut self.scene_view.mouse_tool, mouse_tool, mouse_tool.name());
+            // With panels, the tools head the column of the task.
+            if !self.panels_shown {
+                self.tool_choice(ui, state, short);
+                if state.services.selection {
+                    ui.separator();
+                    for mode in BrushMode::ALL {
+                        if labelled_button(
+                            ui,
+                            (Some(mode_icon(mode)), mode.name(), short),
+                            self.tools.mode == mode,
+                            mode.hint(),
+                        )
+                        .clicked()
+                        {
+                            self.tools.mode = mode;
+                        }
+                    }
                 }
-            }
-            if state.services.selection {
                 ui.separator();
-                for mode in BrushMode::ALL {
-                    ui.selectable_value(&mut self.tools.mode, mode, mode.name()).on_hover_text(mode.hint());
-                }
-                let does = "limits the depth of brush, lasso and rectangle (Z)";
-                if ui.selectable_label(self.tools.front_only, "in front").on_hover_text(does).clicked() {
-                    self.tools.front_only = !self.tools.front_only;
-                }
             }
-            ui.separator();
-            for navigation_mode in NavigationMode::ALL {
-                ui.selectable_value(
-                    &mut self.scene_view.navigator.navigation_mode,
-                    navigation_mode,
-                    navigation_mode.name(),
-                );
+            for mode in NavigationMode::ALL {
+                let navigator = &mut self.scene_view.navigator;
+                let is_chosen = navigator.navigation_mode == mode;
+                if labelled_button(ui, (Some(navigation_icon(mode)), mode.name(), short), is_chosen, mode.hint())
+                    .clicked()
+                {
+                    navigator.navigation_mode = mode;
+                }
             }
             ui.separator();
             let buttons = [
@@ -56,12 +66,44 @@ impl WindowUi {
                 (Action::Help, "?", true, true),
             ];
             for (action, name, services, enabled) in buttons {
-                let written = SHORTCUTS.iter().find(|s| s.action == action).map_or("", |s| s.written);
-                if services && ui.add_enabled(enabled, egui::Button::new(name)).on_hover_text(written).clicked() {
+                let does = match action {
+                    Action::Undo => explained(action, state.undo.first()),
+                    Action::Redo => explained(action, state.redo.first()),
+                    _ => explained(action, None),
+                };
+                let button = |ui: &mut Ui| labelled_button(ui, (icon_of(action), name, short), false, &does);
+                if services && ui.add_enabled(enabled, button).clicked() {
                     self.act(action, state, requests);
                 }
             }
         });
+    }
+
+    /// The tool of the left button, as icons alone where that is `short`, and whether it reaches behind what is in front.
+    pub(super) fn tool_choice(&mut self, ui: &mut Ui, state: &ViewState, short: bool) {
+        for mouse_tool in MouseTool::ALL {
+            if mouse_tool == MouseTool::Navigate || state.services.selection {
+                let is_chosen = self.scene_view.mouse_tool == mouse_tool;
+                let button = labelled_button(
+                    ui,
+                    (Some(mouse_tool.icon()), mouse_tool.name(), short),
+                    is_chosen,
+                    mouse_tool.hint(),
+                );
+                if mouse_tool == MouseTool::Brush {
+                    self.hint_places.brush = Some(button.rect);
+                }
+                if button.clicked() {
+                    self.scene_view.mouse_tool = mouse_tool;
+                }
+            }
+        }
+        if state.services.selection {
+            let does = "Brush, lasso and rectangle leave out what lies behind the surface in front. (Z)";
+            if labelled_button(ui, (Some(Icon::InFront), "in front", short), self.tools.front_only, does).clicked() {
+                self.tools.front_only = !self.tools.front_only;
+            }
+        }
     }
 
     /// The status line: renderer, selection, messages.
@@ -102,7 +144,8 @@ impl WindowUi {
             }
             if let Some((share, what)) = self.exporter.progress() {
                 ui.separator();
-                ui.add(egui::ProgressBar::new(share).desired_width(120.0).text(what));
+                let text = format!("{what} {}, Esc cancels", percent(share.into()));
+                ui.add(egui::ProgressBar::new(share).desired_width(220.0 * self.tools.scale).text(text));
                 ui.ctx().request_repaint_after(std::time::Duration::from_millis(200));
             }
             if !self.line.is_empty() {
@@ -116,7 +159,7 @@ impl WindowUi {
     pub(super) fn show_help(&mut self, ui: &Ui) {
         let room = ui.ctx().content_rect().size();
         let scale = self.tools.scale;
-        let columns = if room.x < TWO_COLUMNS * scale { 1 } else { 2 };
+        let is_wide = room.x >= TWO_COLUMNS * scale;
         let help = egui::Window::new("Keys and mouse").id(egui::Id::unique("help"));
         let help = help.anchor(Align2::CENTER_CENTER, [0.0, 0.0]);
         help.open(&mut self.help).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
@@ -124,18 +167,28 @@ impl WindowUi {
             egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
                 // Lines as close as text is, not as buttons are.
                 ui.spacing_mut().interact_size.y = 0.0;
-                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 4.0 * scale]);
-                let rows = SHORTCUTS.len().div_ceil(columns);
-                grid("shortcuts").show(ui, |ui| {
-                    for row in 0..rows {
-                        for shortcut in SHORTCUTS.iter().skip(row).step_by(rows) {
-                            ui.strong(shortcut.written);
-                            ui.label(shortcut.does);
+                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 2.0 * scale]);
+                let list = |ui: &mut Ui, group: Group| {
+                    ui.colored_label(ui.visuals().hyperlink_color, group.title());
+                    grid(group.title()).show(ui, |ui| {
+                        for (written, does) in rows(group) {
+                            ui.strong(written);
+                            ui.label(does);
+                            ui.end_row();
                         }
-                        ui.end_row();
-                    }
-                });
-                ui.separator();
+                    });
+                };
+                if is_wide {
+                    ui.horizontal_top(|ui| {
+                        for side in [&[Group::Tools, Group::Files, Group::Other][..], &[Group::Selection, Group::View]]
+                        {
+                            ui.vertical(|ui| side.iter().for_each(|group| list(ui, *group)));
+                        }
+                    });
+                } else {
+                    Group::ALL.into_iter().for_each(|group| list(ui, group));
+                }
+                ui.colored_label(ui.visuals().hyperlink_color, "Mouse");
                 grid("mouse").max_col_width(0.6 * room.x).show(ui, |ui| {
                     for (what, does) in MOUSE {
                         ui.strong(*what);
@@ -145,5 +198,36 @@ impl WindowUi {
                 });
             });
         });
+    }
+}
+
+/// Icon of an action of the toolbar.
+fn icon_of(action: Action) -> Option<Icon> {
+    match action {
+        Action::Undo => Some(Icon::Undo),
+        Action::Redo => Some(Icon::Redo),
+        Action::Fit => Some(Icon::Fit),
+        Action::Stereo => Some(Icon::Stereo),
+        Action::Picture => Some(Icon::Camera),
+        Action::Turntable => Some(Icon::Turntable),
+        Action::Panels => Some(Icon::Panels),
+        _ => None,
+    }
+}
+
+fn navigation_icon(mode: NavigationMode) -> Icon {
+    match mode {
+        NavigationMode::Orbit => Icon::Orbit,
+        NavigationMode::Trackball => Icon::Ball,
+        NavigationMode::Fly => Icon::Plane,
+    }
+}
+
+/// What an action does, with its key, and what it is about.
+fn explained(action: Action, about: Option<&String>) -> String {
+    let Some(shortcut) = SHORTCUTS.iter().find(|s| s.action == action) else { return String::new() };
+    match about {
+        Some(about) => format!("{}: {about} ({})", capital(shortcut.does), shortcut.written),
+        None => format!("{} ({})", capital(shortcut.does), shortcut.written),
     }
 }

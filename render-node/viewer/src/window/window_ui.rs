@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use egui::{Align2, Frame, TextureId, Ui, Vec2};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use sg_edit::wire::encode_view;
 use sg_proto::scene::{
     Invert, Redo, SelectionOperation, SelectionStep, SetView, Undo, command, selection_operation, selection_step,
@@ -23,10 +23,11 @@ use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
 use super::file_drop::{self, DroppedFile};
+use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
 use super::scene_view::{MouseTool, SceneView};
 use super::settings::Settings;
-use super::shortcuts::{self, Action};
+use super::shortcuts::{self, Action, Way};
 use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,
@@ -53,6 +54,16 @@ const WIDER: f64 = 1.15;
 /// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
 const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
 
+/// Least width of the picture between two docks, points at the usual size of text.
+const PICTURE: f32 = 260.0;
+
+/// The way of one press of an arrow key, in heights of the picture: to turn, and to slide.
+const KEY_TURN: f64 = 1.0 / 24.0;
+const KEY_SLIDE: f64 = 0.05;
+
+/// Factor of one press of the keys that go nearer and further.
+const KEY_NEARER: f64 = 1.1;
+
 /// Keys and the wheel have no release: their change commits after this rest.
 const DRAG_TIMEOUT: Duration = Duration::from_millis(500);
 
@@ -74,7 +85,11 @@ pub struct WindowUi {
     first_view: FirstView,
     /// The view that this window has sent and the scene has not confirmed yet.
     sent: Option<View>,
-    panels_shown: bool,
+    pub(super) panels_shown: bool,
+    /// Name of the panel that a narrow window shows.
+    tab: &'static str,
+    hints_done: Vec<Hint>,
+    pub(super) hint_places: HintPlaces,
     /// Whether a panel shows the choice of a unit's colour.
     is_choosing_color: bool,
     pub(super) help: bool,
@@ -131,6 +146,9 @@ impl WindowUi {
             shared,
             sent: None,
             panels_shown: settings.panels,
+            tab: Panel::SELECT.name,
+            hints_done: settings.hints_done.clone(),
+            hint_places: HintPlaces::default(),
             is_choosing_color: false,
             help: false,
             closes: false,
@@ -155,6 +173,7 @@ impl WindowUi {
             scale,
             gradient,
             occlusion,
+            hints_done: self.hints_done.clone(),
             ..Settings::default()
         }
     }
@@ -216,11 +235,13 @@ impl WindowUi {
         let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
-        if !ui.ctx().egui_wants_keyboard_input() {
-            for action in ui.input_mut(shortcuts::pressed) {
+        if !ui.ctx().text_edit_focused() {
+            let has_focus = ui.ctx().egui_wants_keyboard_input();
+            for action in ui.input_mut(|input| shortcuts::pressed(input, has_focus)) {
                 self.act(action, &state, &mut requests);
             }
         }
+        self.hint_places = HintPlaces::default();
         self.take_dropped_files(ui, &mut requests);
         if let Some(kept) = self.exporter.take_result() {
             self.line = kept.unwrap_or_else(|error| format!("nothing was saved: {error}"));
@@ -257,6 +278,11 @@ impl WindowUi {
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));
+        if self.panels_shown && !self.help {
+            let places =
+                HintPlaces { name: self.panels.name_place(), ask: self.panels.say_place(), ..self.hint_places };
+            hints::show(ui, places, &state, &mut self.hints_done);
+        }
         if self.help {
             self.show_help(ui);
         }
@@ -279,27 +305,39 @@ impl WindowUi {
         self.panels.supported_actions = vec![DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Screenshot];
         self.panels.supported_actions.extend(self.bookmarks.numbers().map(DisplayAction::Place));
         self.panels.supported_actions.extend((0_u8..).zip(state.proposals()).map(|(k, _)| DisplayAction::Proposal(k)));
-        let Self { panels, tools, .. } = self;
         let mut output = Output::default();
-        let least = NARROWEST * tools.scale;
-        for dock in Dock::ALL {
+        let least = NARROWEST * self.tools.scale;
+        let docked = |dock| {
             let docked = Panel::ALL.iter().filter(|panel| panel.dock == Some(dock) && panel.has_content(state));
-            let docked: Vec<Panel> = docked.copied().collect();
-            if docked.is_empty() {
-                continue;
-            }
-            let (side, width) = match dock {
-                Dock::Left => (egui::Panel::left("left"), LEFT),
-                Dock::Right => (egui::Panel::right("right"), RIGHT),
-            };
-            side.resizable(true).min_size(least).default_size(width.max(least)).show(ui, |ui| {
-                let height = ui.available_height() / docked.len() as f32;
-                for panel in docked {
-                    ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
-                        output.join(panels.show(panel, ui, state, tools));
-                    });
+            docked.copied().collect::<Vec<Panel>>()
+        };
+        let room = ui.available_width();
+        if room < 2.0 * least + PICTURE * self.tools.scale {
+            let width = least.min(room);
+            let side = egui::Panel::left("tabs").resizable(false).exact_size(width);
+            side.show(ui, |ui| self.show_tabs(ui, &Dock::ALL.map(docked).concat(), state, &mut output));
+        } else {
+            for dock in Dock::ALL {
+                let docked = docked(dock);
+                if docked.is_empty() {
+                    continue;
                 }
-            });
+                let (side, width) = match dock {
+                    Dock::Left => (egui::Panel::left("left"), LEFT),
+                    Dock::Right => (egui::Panel::right("right"), RIGHT),
+                };
+                side.resizable(true).min_size(least).default_size(width.max(least)).show(ui, |ui| {
+                    if dock == Dock::Left {
+                        ui.horizontal_wrapped(|ui| self.tool_choice(ui, state, false));
+                    }
+                    let height = ui.available_height() / docked.len() as f32;
+                    for panel in docked {
+                        ui.allocate_ui(Vec2::new(ui.available_width(), height), |ui| {
+                            output.join(self.panels.show(panel, ui, state, &mut self.tools));
+                        });
+                    }
+                });
+            }
         }
         self.is_choosing_color = output.is_choosing_color;
         output.show_draft(&mut self.drafts, state);
@@ -330,6 +368,24 @@ impl WindowUi {
                 }
             }
         }
+    }
+
+    /// One panel at a time, in a window that has no room for two docks.
+    fn show_tabs(&mut self, ui: &mut Ui, docked: &[Panel], state: &ViewState, output: &mut Output) {
+        let Some(shown) = docked.iter().find(|panel| panel.name == self.tab).or(docked.first()).copied() else {
+            return;
+        };
+        ui.horizontal_wrapped(|ui| {
+            for panel in docked {
+                if ui.selectable_label(*panel == shown, panel.title).clicked() {
+                    self.tab = panel.name;
+                }
+            }
+        });
+        if shown == Panel::SELECT {
+            ui.horizontal_wrapped(|ui| self.tool_choice(ui, state, true));
+        }
+        output.join(self.panels.show(shown, ui, state, &mut self.tools));
     }
 
     /// Moves the leak or the threshold of the last walk by a share of its whole range.
@@ -456,13 +512,19 @@ impl WindowUi {
             }
             Action::Name => {
                 self.panels_shown = true;
+                self.tab = Panel::SELECT.name;
                 self.panels.name_selection();
             }
             Action::Say => {
                 self.panels_shown = true;
+                self.tab = Panel::LANGUAGE.name;
                 self.panels.say_something();
             }
             Action::Fit => self.scene_view.fit(),
+            Action::Turn(way) => self.scene_view.navigator.turn(-KEY_TURN * in_picture(way)),
+            Action::Slide(way) => self.scene_view.navigator.slide(-KEY_SLIDE * in_picture(way)),
+            Action::Nearer => self.scene_view.navigator.approach(KEY_NEARER),
+            Action::Further => self.scene_view.navigator.approach(1.0 / KEY_NEARER),
             Action::NavigationMode => {
                 let navigator = &mut self.scene_view.navigator;
                 navigator.navigation_mode = navigator.navigation_mode.next();
@@ -477,6 +539,7 @@ impl WindowUi {
             Action::Close => self.closes = true,
             Action::Abandon => {
                 self.scene_view.abandon();
+                self.exporter.cancel();
                 requests.extend(self.drag.0.abandon());
                 self.help = false;
             }
@@ -503,7 +566,7 @@ impl WindowUi {
         let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
         let (navigator, size) = (self.scene_view.navigator, self.scene_view.size());
         self.exporter.export(ExportJob::Turn(navigator, size, appearance, finish));
-        self.line = "drawing a turn around the scene".to_owned();
+        self.line = "drawing a turn around the scene; Esc cancels".to_owned();
     }
 
     /// Files that were dropped on the window: a camera is looked from, a scene or volume opened beside.
@@ -535,6 +598,16 @@ fn refers_to_view(request: &Request) -> bool {
         Request::Say(_) => true,
         Request::Change(change) => from_here(change),
         _ => false,
+    }
+}
+
+/// The direction of an arrow key, x to the right and y down.
+fn in_picture(way: Way) -> DVec2 {
+    match way {
+        Way::Left => DVec2::NEG_X,
+        Way::Right => DVec2::X,
+        Way::Up => DVec2::NEG_Y,
+        Way::Down => DVec2::Y,
     }
 }
 

@@ -183,20 +183,20 @@ fn shortened_text(harness: &Harness<'_, Stage>) -> Vec<String> {
 #[test]
 fn names_that_commands_make_are_read_whole() {
     for width in [NARROWEST, 340.0, Panel::SCENE.size.x] {
-        let mut stage = Stage::new(Panel::SCENE);
+        let mut stage = Stage::new(Panel::SELECT);
         stage.panels.host = PanelHost::Window;
-        (stage.width, stage.height) = (Some(width), Some(1000.0));
+        (stage.width, stage.height) = (Some(width), Some(1400.0));
         let rest = Target { units: vec!["sac".to_owned()], complement: true, ..Target::default() };
         let fade = SetOpacity { target: Some(rest), factor: 0.2, relative: false };
         stage.shown.scene = Arc::new(stage.shown.scene.after(&scene(), Action::SetOpacity(fade)).unwrap());
         stage.shown.undo = [].into();
         let mut harness = harness(stage);
-        harness.set_size(egui::vec2(width, 1000.0));
+        harness.set_size(egui::vec2(width, 1400.0));
         press(&mut harness, "Made by commands");
-        assert!(harness.query_by_label("everything but sac").is_some(), "{width}");
+        assert!(harness.query_by_label("Rest of scene").is_some(), "{width}");
         assert_eq!(shortened_text(&harness), Vec::<String>::new(), "{width}");
         assert_eq!((cut_text(&harness), beyond(&harness)), (Vec::new(), Vec::new()), "{width}");
-        let slider = harness.get_by_label("opacity of everything but sac").rect();
+        let slider = harness.get_by_label("opacity of Rest of scene").rect();
         assert!(slider.width() >= 36.0, "{width}: {slider}");
     }
 }
@@ -258,9 +258,9 @@ fn a_narrow_dock_has_room_for_everything() {
         let mut harness = harness(stage);
         harness.set_size(egui::vec2(NARROWEST, 1000.0));
         harness.run();
-        if panel == Panel::SCENE {
+        if panel == Panel::SELECT {
             press(&mut harness, "sac");
-        } else if panel == Panel::SELECT {
+            press(&mut harness, "Brush");
             press(&mut harness, "name of the new unit");
         }
         assert_eq!(cut_text(&harness), Vec::<String>::new(), "{panel:?}");

@@ -87,10 +87,13 @@ fn units_are_hidden_shown_selected_and_looked_at() {
     assert_eq!(asks(&mut panel, "solo"), Action::ShowOnly(ShowOnly { target: named("sac") }));
     let focus = set_view::Change::Focus(named("sac").unwrap());
     assert_eq!(asks(&mut panel, "look at it"), Action::SetView(SetView { change: Some(focus) }));
-    assert_eq!(asks(&mut panel, "Remove name"), Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() }));
+    assert_eq!(
+        asks(&mut panel, "Remove name (keeps splats)"),
+        Action::DeleteUnit(DeleteUnit { name: "sac".to_owned() })
+    );
     // A base unit can be neither renamed nor deleted, so that there is nothing to press for it.
     press(&mut panel, "vessel");
-    assert!(panel.query_by_label("Remove name").is_none() && panel.query_by_label("rename").is_none());
+    assert!(panel.query_by_label("Remove name (keeps splats)").is_none() && panel.query_by_label("rename").is_none());
     assert!(panel.query_by_label_contains("transfer function of vessel, 70 to 255").is_some());
 }
 
@@ -171,7 +174,7 @@ fn a_locked_unit_is_left_alone() {
     let frames = drag(&mut panel, "opacity of sac", 0.1);
     assert_eq!(frames, []);
     press(&mut panel, "sac");
-    for label in ["Remove name", "rename", "select", "add to selection"] {
+    for label in ["Remove name (keeps splats)", "rename", "select", "add to selection"] {
         press(&mut panel, label);
         assert_eq!(panel.state().asked, [], "{label}");
     }
@@ -243,8 +246,8 @@ fn history_takes_back_as_far_as_is_pointed_at() {
     assert_eq!(asks(&mut panel, "undo"), Action::Undo(Undo { steps: 1 }));
     assert_eq!(asks(&mut panel, "redo"), Action::Redo(Redo { steps: 1 }));
     press(&mut panel, "History");
-    assert_eq!(asks(&mut panel, "coloured sac #0072b2"), Action::Undo(Undo { steps: 2 }));
-    assert_eq!(asks(&mut panel, "hid tissue"), Action::Redo(Redo { steps: 1 }));
+    assert_eq!(asks(&mut panel, "Coloured sac #0072b2"), Action::Undo(Undo { steps: 2 }));
+    assert_eq!(asks(&mut panel, "Hid tissue"), Action::Redo(Redo { steps: 1 }));
     assert_eq!(asks(&mut panel, "reset all looks"), Action::Reset(Reset {}));
     panel.state_mut().shown.undo = [].into();
     panel.state_mut().shown.redo = [].into();
@@ -282,6 +285,7 @@ fn display_options_belong_to_one_display() {
     assert!(panel.query_by_label("Super-Gaussians").is_none());
 
     panel.state_mut().panels.host = PanelHost::Headset;
+    panel.run();
     press(&mut panel, "This display");
     press(&mut panel, "fast");
     press(&mut panel, "150 %");
@@ -321,7 +325,7 @@ fn without_the_scenes_owner_nothing_can_be_changed() {
         "select",
         "solo",
         "rename",
-        "Remove name",
+        "Remove name (keeps splats)",
         "show everything",
         "Light and background",
         "Viewpoint",

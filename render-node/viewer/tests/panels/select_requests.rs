@@ -1,4 +1,4 @@
-//! The 3D prompt: brush, operations on the selection, saving.
+//! The Select panel: brush, operations on the selection, saving.
 
 use std::sync::Arc;
 
@@ -223,7 +223,7 @@ fn a_unit_is_replaced_only_after_a_confirmation() {
     press(&mut panel, "name of the new unit");
     panel.get_by_label("name of the new unit").type_text("vessel");
     panel.run();
-    assert!(panel.query_by_label_contains("is a base unit of the file").is_some());
+    assert!(panel.query_by_label_contains("is a structure of the file").is_some());
     press(&mut panel, "save");
     assert_eq!(panel.state().asked, []);
 }

@@ -65,7 +65,7 @@ pub(crate) fn shown() -> ViewState {
     turn.add(Entry::Command("set the colour of sac to blue".to_owned()));
     turn.add(Entry::Result("coloured sac #0072b2".to_owned(), true));
     turn.add(Entry::Command("set the opacity of everything else to 20 %".to_owned()));
-    turn.add(Entry::Result("set the opacity of everything but sac to 20 %".to_owned(), true));
+    turn.add(Entry::Result("opacity of everything but sac to 20 %".to_owned(), true));
     turn.answer = Some(("The sac is blue now, and everything else shows through at 20 %.".to_owned(), true));
     talk.say("2", "how large is the neck?");
     talk.turn("2").unwrap().add(Entry::Command("measure neck".to_owned()));

@@ -3,31 +3,35 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use egui::{Pos2, Vec2};
+use egui::{Pos2, Role, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{By, NodeT as _, Queryable as _};
 use sg_gpu::backend::{self, Engine};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{InLasso, SetView, Target, selection_operation, selection_step, set_view};
 use sg_viewer::display::{Backend, Request, ServiceAvailability, Tools, ViewPort, ViewState};
-use sg_viewer::window::{MouseTool, Settings, WindowUi};
+use sg_viewer::window::{Hint, MouseTool, Settings, WindowUi};
 
-use crate::stage::{after, scene, select};
+use crate::stage::{after, save, scene, select};
 
 /// A desk that a mouse works on with a tool, and the other side of its seat.
 fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
+    let settings = Settings { panels: false, mouse_tool, ..Settings::default() };
+    desk_of(&settings, Vec2::new(800.0, 600.0), folder)
+}
+
+/// A desk of these settings and this size in points.
+fn desk_of(settings: &Settings, size: Vec2, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let scene = scene();
     let state = after(&scene, []);
     let services = ServiceAvailability { scene: true, selection: true, agents: true };
     let (view_port, service) = ViewPort::new(ViewState { services, ..ViewState::of(state) });
     let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
-    let settings = Settings { panels: false, mouse_tool, ..Settings::default() };
-    let tools = Tools::default();
+    let mut tools = Tools::default();
+    settings.apply(&mut tools, None);
     let window_ui =
-        WindowUi::new(Arc::clone(&scene), engine, (view_port, tools), folder.to_owned(), &settings, || ()).unwrap();
-    let harness = Harness::builder()
-        .with_size(Vec2::new(800.0, 600.0))
-        .build_ui_state(|ui, window_ui| window_ui.show(ui), window_ui);
+        WindowUi::new(Arc::clone(&scene), engine, (view_port, tools), folder.to_owned(), settings, || ()).unwrap();
+    let harness = Harness::builder().with_size(size).build_ui_state(|ui, window_ui| window_ui.show(ui), window_ui);
     (harness, service)
 }
 
@@ -193,7 +197,7 @@ fn the_list_of_shortcuts_stays_within_a_small_window() {
         harness.key_press(egui::Key::Questionmark);
         harness.run_steps(4);
         let window = egui::Rect::from_min_size(Pos2::ZERO, size);
-        for seen in ["Keys and mouse", "?", "this list"] {
+        for seen in ["Keys and mouse", "Tools", "B", "the mouse brushes"] {
             let rects: Vec<_> = harness.get_all_by_label(seen).map(|n| n.rect()).collect();
             assert!(rects.iter().all(|r| window.contains_rect(*r)), "{seen} at {rects:?} of {size:?}");
         }
@@ -201,7 +205,7 @@ fn the_list_of_shortcuts_stays_within_a_small_window() {
         let last = harness.get_by_label("fly, in that manner").rect();
         let list = harness.ctx.memory(|m| m.area_rect(egui::Id::unique("help"))).unwrap();
         assert!(window.contains_rect(list), "{list:?} of {size:?}");
-        assert!(list.contains_rect(last) || size.y < 700.0, "{last:?} in {list:?} of {size:?}");
+        assert!(list.contains_rect(last) || size.y < 800.0, "{last:?} in {list:?} of {size:?}");
         let longest = harness.get_by_label_contains("nearer, further").rect();
         assert!(longest.min.x > 0.0 && longest.max.x < size.x, "{longest:?} of {size:?}");
     }
@@ -240,4 +244,121 @@ fn a_lasso_and_a_rectangle_begin_where_the_button_was_pressed() {
     let lasso = drawn(MouseTool::Lasso, &places).unwrap();
     let legs: Vec<_> = lasso.windows(2).map(|pair| pair[1] - pair[0]).collect();
     assert_eq!(legs, places.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
+}
+
+/// Controls that lie beyond the window's edges, and text that is cut sideways, outside what scrolls.
+fn clipped(harness: &Harness<'_, WindowUi>) -> Vec<String> {
+    let window = harness.ctx.content_rect().expand(0.5);
+    let text = harness.output().shapes.iter().filter_map(|shape| {
+        let egui::Shape::Text(text) = &shape.shape else { return None };
+        let (rect, room) = (text.visual_bounding_rect(), shape.clip_rect.intersect(window).expand(1.0));
+        let is_cut = rect.intersects(room) && (rect.left() < room.left() || rect.right() > room.right());
+        is_cut.then(|| format!("{} at {rect} in {room}", text.galley.text()))
+    });
+    let controls = harness.query_all(By::new().predicate(|n| n.role() == Role::Button && n.bounding_box().is_some()));
+    let beyond = controls.filter(|n| n.rect().left() < window.left() || n.rect().right() > window.right());
+    text.chain(beyond.map(|n| format!("{:?} at {}", n.accesskit_node().label(), n.rect()))).collect()
+}
+
+#[test]
+fn nothing_is_clipped_in_a_small_window_and_with_large_text() {
+    for (size, scale) in [
+        (Vec2::new(1280.0, 800.0), 1.0),
+        (Vec2::new(640.0, 480.0), 1.0),
+        (Vec2::new(1280.0, 800.0), 2.0),
+        (Vec2::new(640.0, 400.0), 1.0),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = Settings { scale, ..Settings::default() };
+        let (mut harness, service) = desk_of(&settings, size, folder.path());
+        let scene = scene();
+        let chosen = after(&scene, [select(&scene, 10..60), save("sac")]);
+        service.writer.update(|state| {
+            state.selected = Arc::clone(chosen.selection().mask());
+            state.scene = Arc::clone(&chosen);
+        });
+        harness.run_steps(4);
+        assert_eq!(clipped(&harness), Vec::<String>::new(), "{size} at {scale}");
+        // The tools, the number of selected Gaussians, the name and the structures are in sight.
+        let window = harness.ctx.content_rect();
+        for label in ["brush", "50 of 1,000 Gaussians (5 %)", "name of the new unit", "save", "undo"] {
+            let rect = harness.get_by_label(label).rect();
+            assert!(window.contains_rect(rect), "{label} at {rect} of {size} at {scale}");
+        }
+        // The picture keeps a part of the window.
+        let dock = harness.get_by_label("save").rect().right();
+        assert!(size.x - dock > 0.3 * size.x, "{dock} of {size} at {scale}");
+        if size.x < 1000.0 || scale > 1.0 {
+            for tab in ["Scene control", "Language"] {
+                harness.get_by_label(tab).click();
+                harness.run_steps(3);
+                assert_eq!(clipped(&harness), Vec::<String>::new(), "{tab}, {size} at {scale}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hints_point_at_a_control_until_they_are_followed_or_dismissed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk_of(&Settings::default(), Vec2::new(1280.0, 800.0), folder.path());
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Brush a structure (B)").is_some());
+    assert!(harness.query_by_label("Name it (Ctrl+S)").is_none(), "one at a time");
+    let scene = scene();
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| {
+        state.selected = Arc::clone(chosen.selection().mask());
+        state.scene = Arc::clone(&chosen);
+    });
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Brush a structure (B)").is_none());
+    let (hint, field) =
+        (harness.get_by_label("Name it (Ctrl+S)").rect(), harness.get_by_label("name of the new unit").rect());
+    assert!(hint.left() > field.right() && (hint.center().y - field.center().y).abs() < 12.0, "{hint} beside {field}");
+    for _ in 0..2 {
+        harness.get_by_label("dismiss the hint").click();
+        harness.run_steps(3);
+    }
+    assert!(harness.query_by_label("dismiss the hint").is_none());
+    assert_eq!(harness.state().settings().hints_done, Hint::ALL);
+}
+
+#[test]
+fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk_of(&Settings::default(), Vec2::new(1280.0, 800.0), folder.path());
+    let scene = scene();
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| state.scene = Arc::clone(&chosen));
+    harness.run_steps(2);
+    let mut eye = |harness: &mut Harness<'_, WindowUi>| match frame_selection(harness, &service).first() {
+        Some(Some(set_view::Change::View(view))) => sg_edit::wire::decode_view(view).unwrap(),
+        Some(Some(set_view::Change::Focus(_))) => chosen.view(),
+        other => panic!("{other:?}"),
+    };
+    let first = eye(&mut harness);
+    harness.key_press(egui::Key::ArrowRight);
+    harness.step();
+    let turned = eye(&mut harness);
+    assert!(turned.eye.x > first.eye.x && turned.target.distance(first.target) < 0.01, "{first:?} {turned:?}");
+    harness.key_press_modifiers(egui::Modifiers::SHIFT, egui::Key::ArrowUp);
+    harness.step();
+    let slid = eye(&mut harness);
+    assert!(slid.target.z > turned.target.z, "{turned:?} {slid:?}");
+    harness.key_press(egui::Key::Plus);
+    harness.step();
+    let near = eye(&mut harness);
+    assert!(near.eye.distance(near.target) < 0.95 * slid.eye.distance(slid.target));
+    // The keyboard's focus on a button is no hindrance; a text field is.
+    harness.key_press(egui::Key::Tab);
+    harness.run_steps(2);
+    harness.key_press(egui::Key::B);
+    harness.step();
+    assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
+    harness.get_by_label("name of the new unit").click();
+    harness.run_steps(2);
+    harness.key_press(egui::Key::N);
+    harness.step();
+    assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
 }

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use lru::LruCache;
 use sg_language::resolution::Step;
-use sg_language::{commands, report, request_ids, unit_choice, unit_names};
+use sg_language::{commands, query, report, request_ids, unit_choice, unit_names};
 use sg_llm::{Answer, LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult, ResolvedName};
-use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, State};
+use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, MeasureRequest, State, Target};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
@@ -28,6 +28,8 @@ const CACHED_RESULTS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(63);
 const CACHED_CHOICES: NonZeroUsize = NonZeroUsize::MIN.saturating_add(255);
 /// Most unknown names of one clause that the model resolves.
 const MAX_CHOICES: usize = 8;
+/// Most units of one answer that are measured.
+const MAX_MEASURED: usize = 8;
 /// Shortest time that is enough to repeat a failed plan.
 const MIN_RETRY_TIME: Duration = Duration::from_millis(400);
 /// Time reserved for the reply.
@@ -268,6 +270,26 @@ impl FunctionAgent {
         Ok(ActionResult { text, resolved_names, ..action })
     }
 
+    /// The answer to a question about units or the selection with their sizes, where the file gives a length unit.
+    async fn with_sizes(&self, clause: &Clause, text: String, units: &[String], context: &Context) -> String {
+        let unit = |name: &String| Target { units: vec![name.clone()], ..Target::default() };
+        let targets: Vec<Target> = match clause.act() {
+            Act::Describe => units.iter().take(MAX_MEASURED).map(unit).collect(),
+            Act::QuerySelection => vec![Target { selection: true, ..Target::default() }],
+            _ => Vec::new(),
+        };
+        let mut sentences = vec![text];
+        for target in targets {
+            let request = MeasureRequest { target: Some(target.clone()) };
+            match self.bus.ask(&keys::SCENE_MEASURE, &request, &context.next()).await {
+                Ok(measure) => sentences.extend(query::size(&target, &measure)),
+                // Nothing selected, or a scene service that measures nothing.
+                Err(fault) => tracing::debug!(%fault, "no size"),
+            }
+        }
+        sentences.join(if sentences.iter().any(|s| s.contains('\n')) { "\n" } else { " " })
+    }
+
     async fn apply_clause(
         &self,
         clause: &Clause,
@@ -291,6 +313,7 @@ impl FunctionAgent {
         };
         let (action, units) = match step {
             Step::Answer { text, units } => {
+                let text = self.with_sizes(clause, text, &units, context).await;
                 return Ok(ActionResult { ok: true, text, units, ..ActionResult::default() });
             }
             Step::Change { action, units } => (action, units),

@@ -1,7 +1,7 @@
 //! Answers to questions about the scene and its picture.
 
 use sg_proto::render::Frame;
-use sg_proto::scene::{Color, LightMode, Mask, ShadingTerm, State};
+use sg_proto::scene::{Color, LightMode, Mask, Measure, ShadingTerm, State, Target};
 
 use crate::color;
 use crate::text::{capital, factor, grouped, join, percent, the};
@@ -144,6 +144,40 @@ fn selected_parts(state: &State) -> Vec<String> {
     descriptions
 }
 
+/// The size of a target in words, where the scene has a length unit: edges along x, y and z, and volume.
+#[must_use]
+pub fn size(target: &Target, measure: &Measure) -> Option<String> {
+    let mm = measure.millimetres;
+    let edges = measure.edges.as_ref().filter(|_| mm > 0.0 && measure.volume > 0.0)?;
+    let edges = [edges.x, edges.y, edges.z].map(|edge| mm * edge);
+    let longest = edges.into_iter().fold(0.0, f64::max);
+    let (unit, factor) = match longest {
+        x if x >= 10_000.0 => ("m", 1e-3),
+        x if x < 0.1 => ("µm", 1e3),
+        _ => ("mm", 1.0),
+    };
+    let [x, y, z] = edges.map(|edge| measured(factor * edge));
+    let ml = measure.volume * mm.powi(3) / 1000.0;
+    let volume = match ml {
+        v if v >= 10_000.0 => format!("{} L", measured(1e-3 * v)),
+        v if v >= 0.1 => format!("{} mL", measured(v)),
+        v => format!("{} mm³", measured(1e3 * v)),
+    };
+    let (name, plural) = crate::text::target(target);
+    let (verb, fills) = if plural { ("measure", "fill") } else { ("measures", "fills") };
+    Some(format!("{} {verb} about {x} × {y} × {z} {unit} and {fills} about {volume}.", capital(&name)))
+}
+
+/// A measured number: whole from 10 on, else with one or two decimals.
+fn measured(x: f64) -> String {
+    let decimals = match x {
+        x if x >= 9.95 => 0,
+        x if x >= 0.995 => 1,
+        _ => 2,
+    };
+    sg_input::number_format::decimals(x, decimals)
+}
+
 fn bit(mask: &Mask, index: u64) -> bool {
     let byte = usize::try_from(index / 8).ok().and_then(|at| mask.bits.get(at));
     byte.is_some_and(|b| b >> (index % 8) & 1 == 1)
@@ -237,6 +271,22 @@ mod tests {
         let hidden = unit("sac", &scene_of_two(), Some(&frame)).unwrap();
         assert!(hidden.contains("hidden") && hidden.contains("2.5 %") && !hidden.contains("covers"), "{hidden}");
         assert_eq!(unit("other", &scene_of_two(), None), None);
+    }
+
+    #[test]
+    fn a_size_is_told_in_millimetres_and_millilitres() {
+        let edges = Some(sg_proto::scene::Vector { x: 0.123, y: 0.08, z: 0.0955 });
+        let measure = |volume, millimetres| Measure { edges, volume, millimetres, ..Measure::default() };
+        let of = |name: &str| Target { units: vec![name.to_owned()], ..Target::default() };
+        assert_eq!(
+            size(&of("heart"), &measure(5.4e-4, 1000.0)).unwrap(),
+            "The heart measures about 123 × 80 × 96 mm and fills about 540 mL."
+        );
+        assert_eq!(
+            size(&of("vessels"), &measure(1.2e-9, 1000.0)).unwrap(),
+            "The vessels measure about 123 × 80 × 96 mm and fill about 1.2 mm³."
+        );
+        assert_eq!(size(&of("heart"), &measure(5.4e-4, 0.0)), None, "no unit, no size");
     }
 
     #[test]

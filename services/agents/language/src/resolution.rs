@@ -121,8 +121,12 @@ pub(crate) fn need_selection(state: &State) -> Result<(), Refusal> {
     if selected_count(state) > 0 {
         return Ok(());
     }
-    let example =
-        unit_names::addressable(state).first().map_or(String::new(), |name| format!(" or say “select the {name}”"));
+    let locked = |name: &&str| {
+        state.base_units.iter().any(|u| u.name == *name && u.locked)
+            || state.units.iter().any(|u| u.name == *name && u.locked)
+    };
+    let free = unit_names::addressable(state).into_iter().find(|name| !locked(name));
+    let example = free.map_or(String::new(), |name| format!(" or say “select the {name}”"));
     Err(Refusal::precondition(format!("Nothing is selected. Brush a structure{example} first.")))
 }
 
@@ -142,13 +146,13 @@ fn focus(state: &State) -> Option<Target> {
 /// `NotFound`, `InvalidArgument` as [`unit()`]. `FailedPrecondition`: nothing is selected, or the reference has no
 /// antecedent.
 pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
-    let no_antecedent = |word: &str| {
+    let no_antecedent = || {
         let names = match unit_names::addressable(state).as_slice() {
             [] => "Nothing has a name yet.".to_owned(),
-            [name] => format!("Only “{name}” exists: say “the {name}”."),
+            [name] => format!("Only “{name}” exists; say “the {name}” for that."),
             _ => format!("Names: {}.", name_list(state)),
         };
-        Refusal::precondition(format!("Which structure? “{word}” refers to nothing yet. {names}"))
+        Refusal::precondition(format!("Which structure? {names}"))
     };
     let mut target = Target { complement: reference.complement, everything: reference.everything, ..Target::default() };
     for spoken in &reference.names {
@@ -164,8 +168,7 @@ pub fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
     let needs_antecedent = reference.focus
         || (reference.complement && reference.names.is_empty() && !reference.selection && !reference.everything);
     if needs_antecedent {
-        let word = if reference.complement { "everything else" } else { "it" };
-        let antecedent = focus(state).ok_or_else(|| no_antecedent(word))?;
+        let antecedent = focus(state).ok_or_else(no_antecedent)?;
         target.selection |= antecedent.selection;
         for name in antecedent.units {
             if !target.units.contains(&name) {
@@ -242,7 +245,7 @@ pub(crate) fn is_base_unit(name: &str, state: &State) -> bool {
 /// Finds the one editable unit of a clause.
 pub(crate) fn editable_unit(clause: &Clause, state: &State, verb: &str) -> Result<String, Refusal> {
     let reference = clause.target.clone().unwrap_or_default();
-    let saved: Vec<&str> = state.units.iter().map(|u| u.name.as_str()).collect();
+    let saved: Vec<&str> = state.units.iter().filter(|u| !u.locked).map(|u| u.name.as_str()).collect();
     let which = || {
         if saved.is_empty() {
             "No unit is saved yet.".to_owned()

@@ -1,5 +1,7 @@
 //! Text formats of answers and reports: numbers, lists, names.
 
+use sg_input::number_format::decimals;
+pub(crate) use sg_input::number_format::grouped;
 use sg_proto::scene::Target;
 
 use crate::syntax::token;
@@ -13,7 +15,8 @@ pub(crate) fn join(items: &[String]) -> String {
     }
 }
 
-/// A share from 0 to 1 in percent: whole numbers from 10 %, else one digit, and never 0 % for a positive share.
+/// A share from 0 to 1 in percent, as the panels write it: two decimals below 1 %, one below 10 %, and never 0 % for a positive
+/// share.
 pub(crate) fn percent(share: f64) -> String {
     let value = 100.0 * share;
     if !value.is_finite() {
@@ -21,32 +24,16 @@ pub(crate) fn percent(share: f64) -> String {
     }
     match value {
         v if v <= 0.0 => "0 %".to_owned(),
-        v if v < 0.1 => "less than 0.1 %".to_owned(),
-        v if v < 9.95 => {
-            let text = format!("{v:.1}");
-            format!("{} %", text.strip_suffix(".0").unwrap_or(&text))
-        }
-        v => format!("{} %", v.round()),
+        v if v < 0.005 => "less than 0.01 %".to_owned(),
+        v if v < 0.995 => format!("{} %", decimals(v, 2)),
+        v if v < 9.95 => format!("{} %", decimals(v, 1)),
+        v => format!("{} %", decimals(v, 0)),
     }
-}
-
-/// A whole number with commas between thousands.
-pub(crate) fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }
 
 /// A factor with up to two decimals.
 pub(crate) fn factor(value: f64) -> String {
-    let text = format!("{value:.2}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    decimals(value, 2)
 }
 
 /// The text with its first letter in upper case.
@@ -93,7 +80,8 @@ mod tests {
     fn positive_shares_are_never_zero_percent() {
         for (share, text) in [
             (0.0, "0 %"),
-            (0.0004, "less than 0.1 %"),
+            (0.00004, "less than 0.01 %"),
+            (0.0004, "0.04 %"),
             (0.031, "3.1 %"),
             (0.03, "3 %"),
             (0.2, "20 %"),
@@ -102,12 +90,6 @@ mod tests {
         ] {
             assert_eq!(percent(share), text);
         }
-    }
-
-    #[test]
-    fn numbers_are_grouped() {
-        assert_eq!((grouped(12).as_str(), grouped(1234567).as_str()), ("12", "1,234,567"));
-        assert_eq!((factor(1.5).as_str(), factor(2.0).as_str()), ("1.5", "2"));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use sg_fit::direct::MAX_GAUSSIANS;
 use sg_fit::labels::labels_of;
 use sg_fit::{Options, Progress, Report, direct_start, orientation_of};
 use sg_formats::{check_scene_target, npy, staged_file};
+use sg_input::number_format::grouped;
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_scene::model::Scene;
@@ -303,7 +304,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         print_line(&format!(
             "{}: {} Gaussians in {} base unit{} in {:.1} s",
             scene.display(),
-            r.gaussians,
+            grouped(r.gaussians as u64),
             r.units.len(),
             if r.units.len() == 1 { "" } else { "s" },
             r.seconds.total
@@ -331,7 +332,7 @@ fn report_kept(volume: &Path, kept: &KeptScene, json: bool) -> Result<(), Failur
         let report = serde_json::json!({ "volume": volume, "scene": path, "gaussians": gaussians, "kept": true });
         return print::result(&format!("{report:#}\n")).map_err(work);
     }
-    print_line(&format!("{}: {gaussians} Gaussians, kept from an earlier run", path.display()));
+    print_line(&format!("{}: {} Gaussians, kept from an earlier run", path.display(), grouped(*gaussians as u64)));
     Ok(())
 }
 

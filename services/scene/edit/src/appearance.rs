@@ -9,7 +9,11 @@ use super::error::EditError;
 use super::state::{Unit, UnitRef};
 use super::target::ResolvedTarget;
 use super::transaction::Transaction;
+use sg_input::number_format::decimals;
 use sg_scene::mask::Mask;
+
+/// Name of the derived unit of all that a command did not name.
+const REST: &str = "Rest of scene";
 
 impl Transaction<'_> {
     pub(super) fn set_color(&mut self, command: &SetColor) -> Result<String, EditError> {
@@ -86,12 +90,9 @@ impl Transaction<'_> {
             made = Some(id);
         }
         self.focus_after(&target, made);
-        let percent = percent(factor);
-        Ok(if command.relative {
-            format!("scaled the opacity of {} by {percent} %", target.phrase)
-        } else {
-            format!("set the opacity of {} to {percent} %", target.phrase)
-        })
+        let percent = decimals(100.0 * f64::from(factor), 2);
+        let by = if command.relative { "by" } else { "to" };
+        Ok(format!("opacity of {} {by} {percent} %", target.phrase))
     }
 
     pub(super) fn set_visibility(&mut self, command: &SetVisibility) -> Result<String, EditError> {
@@ -129,10 +130,9 @@ impl Transaction<'_> {
         self.show(&target, false)?;
         let rest = self.state.rest_of(&target.members);
         if !rest.is_none() {
-            let stem = format!("everything but {}", target.phrase);
             let id = match self.derived_of(&rest, false) {
                 Some(id) => id,
-                None => self.derive(&rest, &stem, false)?,
+                None => self.derive(&rest, REST, false)?,
             };
             self.with_unit(id, |unit| unit.visible = false);
         }
@@ -169,7 +169,7 @@ impl Transaction<'_> {
                 continue;
             }
             base.visible = true;
-            let stem = format!("rest of {}", base.name);
+            let stem = format!("Rest of {}", base.name);
             rest.subtract(&target.members);
             if keep_rest && !rest.is_none() {
                 let id = match self.derived_of(&rest, false) {
@@ -216,7 +216,8 @@ impl Transaction<'_> {
         match here.filter(|id| self.state.units.contains_key(id)) {
             Some(id) => Ok(id),
             None if target.of_selection => self.derive(members, "selection", true),
-            None => self.derive(members, &target.phrase, false),
+            // Its members have a name only by what they are not.
+            None => self.derive(members, REST, false),
         }
     }
 
@@ -237,15 +238,9 @@ impl Transaction<'_> {
     }
 }
 
-fn hex(c: Vec3) -> String {
+pub(super) fn hex(c: Vec3) -> String {
     let [r, g, b] = c.to_array().map(|x| (255.0 * x).round() as u8);
     format!("#{r:02x}{g:02x}{b:02x}")
-}
-
-/// A factor in percent with at most two decimals, none if they are zero.
-fn percent(factor: f32) -> String {
-    let text = format!("{:.2}", 100.0 * f64::from(factor));
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 #[cfg(test)]
@@ -253,11 +248,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_for_people_are_short() {
-        assert_eq!(percent(0.2), "20");
-        assert_eq!(percent(0.125), "12.5");
-        assert_eq!(percent(0.0), "0");
-        assert_eq!(percent(10.0), "1000");
+    fn colours_are_written_in_hexadecimal() {
         assert_eq!(hex(Vec3::new(1.0, 0.5, 0.0)), "#ff8000");
     }
 }

@@ -74,6 +74,10 @@ impl Editor {
         &self.state
     }
 
+    pub(super) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
     /// The state as it was when the scene was opened.
     #[must_use]
     pub fn initial(&self) -> &EditState {

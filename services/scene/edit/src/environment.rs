@@ -3,11 +3,13 @@
 use sg_proto::scene::set_view::Change;
 use sg_proto::scene::{SetBackground, SetLight, SetTerm, SetView};
 
+use super::appearance::hex;
 use super::command_number::{self, malformed};
 use super::error::EditError;
 use super::state::BaseUnitState;
 use super::transaction::Transaction;
 use super::wire::{decode_axis, decode_light_mode, decode_side, decode_term, decode_view};
+use sg_input::number_format::decimals;
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::{framed, robust_bounds};
@@ -27,6 +29,7 @@ impl Transaction<'_> {
         if let Some(vector) = &command.direction {
             light.direction = command_number::direction(vector, "set_light.direction")?.to_array();
             let [x, y, z] = light.direction;
+            let [x, y, z] = [x, y, z].map(|x| decimals(x.into(), 2));
             parts.push(format!("direction ({x}, {y}, {z})"));
         }
         for (value, field, present, word) in [
@@ -38,7 +41,7 @@ impl Transaction<'_> {
             if let Some(value) = value {
                 let value = command_number::factor(value, field)?;
                 *present = if command.relative { command_number::factor(*present * value, field)? } else { value };
-                parts.push(format!("{word} {present}"));
+                parts.push(format!("{word} {}", decimals((*present).into(), 2)));
             }
         }
         if parts.is_empty() {
@@ -46,7 +49,7 @@ impl Transaction<'_> {
             return Err(EditError::Malformed { field: "set_light", reason });
         }
         self.state.light = light;
-        Ok(format!("set the light: {}", parts.join(", ")))
+        Ok(format!("light: {}", parts.join(", ")))
     }
 
     pub(super) fn set_background(&mut self, command: &SetBackground) -> Result<String, EditError> {
@@ -54,7 +57,7 @@ impl Transaction<'_> {
         let missing = || EditError::Malformed { field: FIELD, reason: "the colour is missing; send one".to_owned() };
         let color = command_number::color(command.color.as_ref().ok_or_else(missing)?, FIELD)?;
         self.state.background = color;
-        Ok(format!("set the background to ({}, {}, {})", color.x, color.y, color.z))
+        Ok(format!("background to {}", hex(color)))
     }
 
     pub(super) fn set_term(&mut self, command: &SetTerm) -> Result<String, EditError> {
@@ -98,7 +101,8 @@ impl Transaction<'_> {
                         return Err(EditError::NotFinite { field, found });
                     }
                 }
-                (present.orbited(azimuth, elevation), format!("turned the view by {azimuth}° and {elevation}° upwards"))
+                let [across, upwards] = [azimuth, elevation].map(|degrees| decimals(degrees, 1));
+                (present.orbited(azimuth, elevation), format!("turned the view by {across}° and {upwards}° upwards"))
             }
             Change::Up(axis) => {
                 self.state.up = decode_axis(*axis).map_err(|e| malformed(&e))?;
@@ -109,7 +113,7 @@ impl Transaction<'_> {
             }
             Change::Zoom(factor) => {
                 let length = self.state.geometry().bounds.longest_edge();
-                (present.zoomed(*factor, length)?, format!("zoomed by {factor}"))
+                (present.zoomed(*factor, length)?, format!("zoomed by {}", decimals(*factor, 2)))
             }
             Change::Focus(target) => {
                 let target = self.state.resolve(Some(target))?;

@@ -12,13 +12,15 @@ use sg_proto::scene::{
 use super::command_number::malformed;
 use super::error::EditError;
 use super::names::checked_name;
+use super::reach::reach_of;
 use super::state::{Selection, Unit, UnitRef};
 use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
+use sg_input::number_format::{decimals, grouped};
 use sg_scene::mask::Mask;
 
 /// The history text of a selection that became empty.
-const CLEARED: &str = "cleared the selection";
+const CLEARED: &str = "cleared selection";
 
 impl Transaction<'_> {
     pub(super) fn commit_selection(&mut self, command: &CommitSelection) -> Result<String, EditError> {
@@ -37,16 +39,18 @@ impl Transaction<'_> {
         let strokes = steps.iter().filter(|s| matches!(s.step, Some(Step::Stroke(_)))).count();
         let operations = steps.iter().filter(|s| matches!(s.step, Some(Step::Operation(_)))).count();
         let tuned = steps.iter().rev().find_map(|s| if let Some(Step::Tuning(t)) = &s.step { Some(*t) } else { None });
-        let tuned = tuned
-            .map_or_else(String::new, |t| format!(", leak at {:.2} %, strictness {:.2}", 100.0 * t.leak, t.threshold));
+        let tuned = tuned.map_or_else(String::new, |t| {
+            let reach = decimals(100.0 * reach_of(t.leak), 0);
+            format!(", Reach {reach} %, Strictness {}", decimals(t.threshold, 2))
+        });
         self.state.selection = Selection::new(Arc::new(mask), steps.into());
         self.focus_on(Vec::new());
-        let number = |n: usize, what: &str| match n {
+        let counted = |n: usize, what: &str| match n {
             0 => None,
             1 => Some(format!("1 {what}")),
-            n => Some(format!("{n} {what}s")),
+            n => Some(format!("{} {what}s", grouped(n as u64))),
         };
-        let with: Vec<_> = number(strokes, "stroke").into_iter().chain(number(operations, "operation")).collect();
+        let with: Vec<_> = counted(strokes, "stroke").into_iter().chain(counted(operations, "operation")).collect();
         let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
         if count == 0 {
             return Ok(CLEARED.to_owned());
@@ -268,21 +272,7 @@ fn check_strokes(strokes: &[Stroke], steps: usize) -> Result<(), EditError> {
 
 /// A number of Gaussians in words.
 pub(super) fn gaussians(count: usize) -> String {
-    grouped(count) + if count == 1 { " Gaussian" } else { " Gaussians" }
-}
-
-/// A whole number with commas between thousands, as in the summaries of edits.
-#[must_use]
-pub fn grouped(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    grouped(count as u64) + if count == 1 { " Gaussian" } else { " Gaussians" }
 }
 
 #[cfg(test)]

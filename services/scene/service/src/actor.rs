@@ -13,7 +13,7 @@ use sg_formats::LoadOptions;
 use sg_formats::files::files_of;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, State};
+use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, Measure, MeasureRequest, State};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::blobs::{BlobError, Blobs};
 use sg_runtime::bus::{Bus, RetainedValue};
@@ -99,6 +99,12 @@ async fn load(host: Host) -> Result<(), StartError> {
     });
     host.route(&keys::SCENE_APPLY, QUEUE, &mailbox, |command, context, reply| Message::Apply {
         command,
+        context,
+        reply,
+    })
+    .await?;
+    host.route(&keys::SCENE_MEASURE, QUEUE, &mailbox, |request, context, reply| Message::Measure {
+        request,
         context,
         reply,
     })
@@ -217,6 +223,11 @@ enum Message {
         context: Context,
         reply: Reply<Changes>,
     },
+    Measure {
+        request: MeasureRequest,
+        context: Context,
+        reply: Reply<Measure>,
+    },
     /// The process was promoted and takes this project.
     TakeOver {
         project: Box<Project>,
@@ -323,7 +334,8 @@ impl Actor for Owner {
         // A lost reply is no failure: a repeated id finds the stored result.
         match message {
             // An expired request is dropped: its sender has given up or will repeat it.
-            Message::Apply { context, .. } | Message::Changes { context, .. } if context.remaining().is_zero() => {}
+            Message::Apply { context, .. } | Message::Changes { context, .. } | Message::Measure { context, .. }
+                if context.remaining().is_zero() => {}
             Message::Apply { command, context, reply } => {
                 let _ = reply.send(self.apply(&command, &context).await);
                 if let Err(error) = block_in_place(|| self.project.checkpoint_if_due()) {
@@ -333,6 +345,10 @@ impl Actor for Owner {
             Message::Changes { request, reply, .. } => {
                 let changes = block_in_place(|| self.project.changes(&request));
                 let _ = reply.send(changes.map_err(|error| fault(&ProjectError::Journal(error))));
+            }
+            Message::Measure { request, reply, .. } => {
+                let measured = block_in_place(|| self.project.editor().measure(&request));
+                let _ = reply.send(measured.map_err(|error| fault(&ProjectError::Edit(error))));
             }
             Message::TakeOver { project, reply } => {
                 let _ = reply.send(self.take_over(*project).await);

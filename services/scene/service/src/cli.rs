@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 use sg_formats::summary::Summary;
 use sg_formats::{Format, Loaded, Warning, load};
+use sg_input::number_format::grouped;
 use sg_input::print;
 use sg_scene::model::SceneBox;
 
@@ -91,9 +92,10 @@ fn info(arguments: &Info) -> ExitCode {
 fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
     let Summary { gaussians, bounds, content_hash, units } = &report.summary;
     print::status(&format!(
-        "{}: {}, {gaussians} Gaussians, {} base units",
+        "{}: {}, {} Gaussians, {} base units",
         report.file.display(),
         report.format,
+        grouped(*gaussians as u64),
         units.len()
     ));
     print::status(&format!("  box           {}", format_box(bounds)));
@@ -101,7 +103,9 @@ fn print_info(report: &InfoReport<'_>, loaded: &Loaded) {
     for (unit, format) in units.iter().zip(report.unit_formats) {
         print::status(&format!(
             "  unit `{}`: {format}, {} Gaussians from index {}",
-            unit.name, unit.gaussians, unit.first
+            unit.name,
+            grouped(unit.gaussians as u64),
+            grouped(unit.first as u64)
         ));
         print::status(&format!("    bounds      {}", format_box(&unit.bounds)));
         let harmonics = unit.harmonics_degree.map_or(String::new(), |d| format!(" (degree {d})"));

@@ -10,6 +10,7 @@ use serde::Serialize;
 use sg_edit::Part;
 use sg_formats::staged_file::{OutputError, check_outputs};
 use sg_formats::{Format, Loaded, SaveError, SaveOptions, Warning, joined_format, load, save};
+use sg_input::number_format::grouped;
 use sg_input::print;
 use sg_scene::model::Convention;
 
@@ -122,7 +123,7 @@ pub(crate) fn run(arguments: &Convert) -> ExitCode {
         report.input_format,
         report.output.display(),
         report.output_format,
-        report.gaussians,
+        grouped(report.gaussians as u64),
         report.read_seconds,
         report.write_seconds
     ));

@@ -472,9 +472,10 @@ impl Selector {
         let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
         let selected = self.session.mask().count();
         let existing = self.local_state().existing_count();
-        let mut line = format!("{selected} of {existing} Gaussians selected");
+        let (some, all) = (grouped(selected as u64), grouped(existing as u64));
+        let mut line = format!("{some} of {all} Gaussians selected");
         if summary.conflicts > 0 {
-            line.push_str(&format!("; {} clusters were brushed both ways", summary.conflicts));
+            line.push_str(&format!("; {} clusters were brushed both ways", grouped(summary.conflicts as u64)));
         }
         selection::StrokesReply {
             selected: selected as u64,

@@ -2,11 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use sg_proto::language::Act;
+
 use crate::color;
 use crate::commands::command::Construct;
 use crate::commands::help::with_names;
 use crate::commands::table::TABLE;
 use crate::syntax::token::{self, Kind, Token};
+
+/// Commands on saved units alone. A suggestion with another unit's name would be refused.
+const NEEDS_SAVED: [Act; 2] = [Act::Rename, Act::Delete];
 
 /// Largest number of suggestions.
 pub(super) const MAX_SUGGESTIONS: usize = 3;
@@ -73,8 +78,9 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
         .map(|t| t.lemma)
         .collect();
     let mut scored: Vec<(usize, &str)> = Vec::new();
-    for entry in TABLE {
-        for example in entry.examples {
+    for entry in TABLE.iter().filter(|entry| !NEEDS_SAVED.contains(&entry.act)) {
+        // A new name is none of a unit that exists.
+        for example in entry.examples.iter().filter(|e| entry.act != Act::Label || !e.contains("{unit}")) {
             let shared = token::tokens(example).iter().filter(|t| lemmas.contains(&t.lemma)).count();
             if shared > 0 {
                 scored.push((shared, example));
@@ -102,6 +108,15 @@ mod tests {
         let correct = |text: &str| corrected(text, &token::tokens(text), &["aneurysm"]);
         assert_eq!(correct("hied the aneurism").as_deref(), Some("hide the aneurysm"));
         assert_eq!(correct("quantum chromodynamics"), None);
+    }
+
+    #[test]
+    fn nothing_is_suggested_that_a_unit_of_the_file_refuses() {
+        for said in ["please rename the pot somehow", "forget about the name", "save it as the pot, would you"] {
+            let found = examples(&[said.to_owned()], &["pot"]);
+            let refused = |e: &String| ["rename", "forget", "remove the name", "as pot", "update"].iter().any(|w| e.contains(w));
+            assert!(!found.iter().any(refused), "{said}: {found:?}");
+        }
     }
 
     #[test]

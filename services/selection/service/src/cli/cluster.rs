@@ -8,6 +8,7 @@ use serde::Serialize;
 use sg_clusters::clustering::{ClusteringOptions, ClusteringReport, FixedSeeds, Method, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_formats::npy::{read_indices, write_labels};
+use sg_input::number_format::grouped;
 use sg_input::print::status;
 
 use super::{Bar, Clustering, Failure, check_outputs, named, read_scene, write_report};
@@ -85,10 +86,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     write_labels(&arguments.out, &clustering.labels)?;
     status(&format!(
         "{} Gaussians in {} clusters of {:.0} on average ({} dropped), {:.2} s: {}",
-        report.gaussians,
-        report.clusters,
+        grouped(report.gaussians as u64),
+        grouped(report.clusters as u64),
         report.mean_size,
-        report.dropped,
+        grouped(report.dropped as u64),
         report.seconds.get("total").copied().unwrap_or(0.0),
         arguments.out.display()
     ));

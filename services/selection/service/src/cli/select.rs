@@ -13,6 +13,7 @@ use sg_clusters::clustering::{Clustering, cluster};
 use sg_clusters::geometry::Geometry;
 use sg_clusters::progress::{Progress, Stage};
 use sg_formats::npy::{read_labels, read_mask, write_array, write_mask};
+use sg_input::number_format::grouped;
 use sg_input::print::status;
 use sg_input::{file, limits};
 use sg_proto::stroke_file::{self, Limits};
@@ -220,8 +221,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let selected = mask.count();
     status(&format!(
-        "{selected} of {} Gaussians selected in {count} steps in {:.1} ms: {}",
-        scene.len(),
+        "{} of {} Gaussians selected in {count} steps in {:.1} ms: {}",
+        grouped(selected as u64),
+        grouped(scene.len() as u64),
         1e3 * seconds,
         arguments.out.display()
     ));

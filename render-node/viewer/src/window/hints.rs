@@ -1,0 +1,109 @@
+//! Hints of a first run: three at most, one at a time, beside the control that each is about. A hint ends for good when a person
+//! dismisses it, or has done what it says.
+
+use egui::{Align2, Area, Button, Color32, Id, Order, Rect, Shape, Stroke, Ui, Vec2};
+use serde::{Deserialize, Serialize};
+
+use crate::display::ViewState;
+use crate::panels::theme;
+
+/// Points between a control and its hint: the length of the arrow.
+const ARROW: f32 = 14.0;
+
+/// One hint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Hint {
+    /// Brush something.
+    Brush,
+    /// Name what is selected.
+    Name,
+    /// Say something to the agents.
+    Ask,
+}
+
+impl Hint {
+    /// All, in the order in which they are shown.
+    pub const ALL: [Self; 3] = [Self::Brush, Self::Name, Self::Ask];
+
+    /// What it says.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Brush => "Brush a structure (B)",
+            Self::Name => "Name it (Ctrl+S)",
+            Self::Ask => "Ask for something (Enter)",
+        }
+    }
+
+    /// Whether it has been followed.
+    fn is_followed(self, state: &ViewState) -> bool {
+        match self {
+            Self::Brush => !state.selected.is_none(),
+            Self::Name => state.scene.units().any(|unit| !unit.derived),
+            Self::Ask => !state.conversation.turns.is_empty(),
+        }
+    }
+}
+
+/// Places of the controls that hints are about, in this frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct HintPlaces {
+    /// The tool "brush".
+    pub(super) brush: Option<Rect>,
+    /// The field for a name.
+    pub(super) name: Option<Rect>,
+    /// The field for the agents.
+    pub(super) ask: Option<Rect>,
+}
+
+impl HintPlaces {
+    fn of(&self, hint: Hint) -> Option<Rect> {
+        match hint {
+            Hint::Brush => self.brush,
+            Hint::Name => self.name,
+            Hint::Ask => self.ask,
+        }
+    }
+}
+
+/// Shows the first hint that is not done, where its control is in sight. Hints that are followed or dismissed are added to
+/// `done`.
+pub(super) fn show(ui: &Ui, places: HintPlaces, state: &ViewState, done: &mut Vec<Hint>) {
+    let followed = |hint: &Hint| hint.is_followed(state) && !done.contains(hint);
+    let newly: Vec<Hint> = Hint::ALL.into_iter().filter(followed).collect();
+    done.extend(newly);
+    let Some(hint) = Hint::ALL.into_iter().find(|hint| !done.contains(hint)) else { return };
+    let Some(place) = places.of(hint) else { return };
+    // On the side with more room, so that the arrow points at the control from the picture.
+    let screen = ui.ctx().content_rect();
+    let is_right_of_it = place.center().x < screen.center().x;
+    let (side, pivot, way) = if is_right_of_it {
+        (place.right_center(), Align2::LEFT_CENTER, 1.0)
+    } else {
+        (place.left_center(), Align2::RIGHT_CENTER, -1.0)
+    };
+    let at = side + Vec2::new(way * ARROW, 0.0);
+    let area = Area::new(Id::unique("hint")).order(Order::Foreground).fixed_pos(at).pivot(pivot);
+    area.show(ui.ctx(), |ui| {
+        let (fill, text) = (ui.visuals().selection.bg_fill, ui.visuals().selection.stroke.color);
+        let card = theme::card(ui).fill(fill).stroke(Stroke::NONE).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                ui.colored_label(text, hint.text());
+                let dismiss = ui.add(Button::new("×").small());
+                ui.ctx().accesskit_node_builder(dismiss.id, |node| node.set_label("dismiss the hint"));
+                if dismiss.on_hover_text("not again").clicked() {
+                    done.push(hint);
+                }
+            });
+        });
+        let edge = if is_right_of_it { card.response.rect.left_center() } else { card.response.rect.right_center() };
+        let half = Vec2::new(0.0, 0.6 * ARROW);
+        let arrow = vec![edge - half, side, edge + half];
+        ui.painter().with_clip_rect(screen).add(Shape::convex_polygon(
+            arrow,
+            fill,
+            Stroke::new(0.0, Color32::TRANSPARENT),
+        ));
+    });
+}

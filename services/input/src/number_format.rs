@@ -1,0 +1,46 @@
+//! Numbers for people, the same on screen, in replies and on a terminal: commas between thousands, and no zero after the decimal
+//! point that says nothing. JSON and CSV have plain numbers.
+
+/// A whole number with commas between thousands.
+#[must_use]
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A number with at most so many decimals. Trailing zeros are dropped, and negative zero loses its sign.
+#[must_use]
+pub fn decimals(x: f64, most: usize) -> String {
+    if !x.is_finite() {
+        return x.to_string();
+    }
+    let text = format!("{:.most$}", x.abs());
+    let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));
+    let whole = whole.parse().map_or_else(|_| whole.to_owned(), grouped);
+    let fraction = fraction.trim_end_matches('0');
+    let sign = if x < 0.0 && text.bytes().any(|b| matches!(b, b'1'..=b'9')) { "-" } else { "" };
+    let point = if fraction.is_empty() { "" } else { "." };
+    format!("{sign}{whole}{point}{fraction}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_have_commas_and_idle_zeros_go() {
+        assert_eq!([0, 999, 1000, 4144, 1_234_567].map(grouped), ["0", "999", "1,000", "4,144", "1,234,567"]);
+        let pairs = [(20.0, "20"), (12.5, "12.5"), (-0.001, "0"), (-0.25, "-0.25"), (1000.0, "1,000"), (0.128, "0.13")];
+        for (x, written) in pairs {
+            assert_eq!(decimals(x, 2), written);
+        }
+        assert_eq!(decimals(f64::NAN, 2), "NaN");
+    }
+}
