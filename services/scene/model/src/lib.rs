@@ -29,7 +29,6 @@ pub mod camera;
 pub mod camera_motion;
 pub mod camera_path;
 mod content_hash;
-pub mod extent;
 pub mod framing;
 pub mod mask;
 pub mod model;

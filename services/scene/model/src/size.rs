@@ -31,6 +31,9 @@ const BARRIER: f32 = 0.05;
 /// Gaussians that the width of a surface's rim is taken from.
 const RIMS: usize = 1001;
 
+/// Gaussians that are added at a time.
+const PART: usize = 1 << 18;
+
 /// Layers of cells that one task fills.
 const LAYERS: usize = 4;
 
@@ -67,19 +70,21 @@ struct Cells {
 /// not finite do not count. `None` if none is left.
 #[must_use]
 pub fn size(scene: &Scene, members: &Mask) -> Option<Size> {
-    let ellipsoids: Vec<(DVec3, DMat3, f64)> = members.ones().filter_map(|i| ellipsoid(scene, i)).collect();
-    let bounds = |reach: fn(f64) -> f64| {
-        ellipsoids.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), (center, covariance, opacity)| {
-            let half = deviations(covariance) * reach(*opacity);
-            (min.min(center - half), max.max(center + half))
-        })
-    };
-    let (min, max) = bounds(|opacity| radius(opacity, 0.5));
+    let ellipsoids = || members.ones().filter_map(|i| ellipsoid(scene, i));
+    let mut boxes = [(DVec3::INFINITY, DVec3::NEG_INFINITY); 2];
+    for (center, covariance, opacity) in ellipsoids() {
+        let deviations = deviations(&covariance);
+        for ((min, max), least) in boxes.iter_mut().zip([0.5, LEAST]) {
+            let half = deviations * radius(opacity, least);
+            (*min, *max) = (min.min(center - half), max.max(center + half));
+        }
+    }
+    let [(min, max), reached] = boxes;
     if !min.is_finite() || !max.is_finite() {
         return None;
     }
-    let cells = Cells::around(bounds(|opacity| radius(opacity, LEAST)));
-    let depths = cells.optical_depths(&ellipsoids);
+    let cells = Cells::around(reached);
+    let depths = cells.optical_depths(ellipsoids());
     let inside = depths.iter().filter(|depth| **depth >= LN_2).count();
     let enclosed = depths.len() - cells.outside(&depths, rim(scene, members), cells.within(scene.bounds));
     let cell = cells.edge.powi(3);
@@ -123,28 +128,34 @@ impl Cells {
     }
 
     /// −ln of the light that the Gaussians let through, at the centre of each cell, f32.
-    fn optical_depths(&self, ellipsoids: &[(DVec3, DMat3, f64)]) -> Vec<f32> {
-        // Flat Gaussians lie between the centres of cells. Widened by half a cell, a surface of them has no holes.
-        let widened = DMat3::from_diagonal(DVec3::splat((0.5 * self.edge).powi(2)));
-        let bodies: Vec<Body> = ellipsoids
-            .iter()
-            .map(|(center, covariance, opacity)| {
-                let covariance = *covariance + widened;
-                Body {
-                    center: (*center - self.origin).as_vec3(),
-                    precision: covariance.inverse().as_mat3(),
-                    opacity: *opacity as f32,
-                    reach: (deviations(&covariance) * radius(*opacity, LEAST)).as_vec3(),
-                }
-            })
-            .collect();
+    fn optical_depths(&self, ellipsoids: impl Iterator<Item = (DVec3, DMat3, f64)>) -> Vec<f32> {
         let mut depths = vec![0.0; self.layer() * self.count.z as usize];
-        depths.par_chunks_mut(LAYERS * self.layer()).enumerate().for_each(|(task, depths)| {
-            for body in &bodies {
-                self.add(body, LAYERS * task, depths);
+        let mut bodies = Vec::new();
+        let mut ellipsoids = ellipsoids.map(|ellipsoid| self.body(ellipsoid));
+        // In parts, so that memory does not grow with the scene.
+        loop {
+            bodies.extend(ellipsoids.by_ref().take(PART));
+            if bodies.is_empty() {
+                return depths;
             }
-        });
-        depths
+            depths.par_chunks_mut(LAYERS * self.layer()).enumerate().for_each(|(task, depths)| {
+                for body in &bodies {
+                    self.add(body, LAYERS * task, depths);
+                }
+            });
+            bodies.clear();
+        }
+    }
+
+    fn body(&self, (center, covariance, opacity): (DVec3, DMat3, f64)) -> Body {
+        // Flat Gaussians lie between the centres of cells. Widened by half a cell, a surface of them has no holes.
+        let covariance = covariance + DMat3::from_diagonal(DVec3::splat((0.5 * self.edge).powi(2)));
+        Body {
+            center: (center - self.origin).as_vec3(),
+            precision: covariance.inverse().as_mat3(),
+            opacity: opacity as f32,
+            reach: (deviations(&covariance) * radius(opacity, LEAST)).as_vec3(),
+        }
     }
 
     /// Adds a Gaussian to the layers from `first` on.
@@ -324,7 +335,7 @@ mod tests {
         let scene = scene_of(&points, 0.4, 0.6);
         let ellipsoids: Vec<_> = (0..scene.len()).filter_map(|i| ellipsoid(&scene, i)).collect();
         let cells = Cells::around((DVec3::splat(-5.0), DVec3::splat(5.0)));
-        let depths = cells.optical_depths(&ellipsoids);
+        let depths = cells.optical_depths(ellipsoids.iter().copied());
         for at in (0..depths.len()).step_by(9973) {
             let [x, y, z] =
                 [at % cells.count.x as usize, at / cells.count.x as usize % cells.count.y as usize, at / cells.layer()];
