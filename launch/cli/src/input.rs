@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use serde_json::Value;
 use sg_formats::Format;
-use sg_input::file;
+use sg_input::{file, unreadable};
+use sg_volume::ENDINGS;
 
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
@@ -39,13 +40,23 @@ pub(crate) struct Scene {
 }
 
 impl Input {
-    /// Tells scenes from volumes by the extension. The table in `sg-formats` is the only list of scene files, so this program
-    /// links it, as the window does for dropped files.
+    /// Tells scenes from volumes by the extension. The tables in `sg-formats` and `sg-volume` are the only lists of files that can
+    /// be read, so this program links them, as the window does for dropped files.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] for a path without a file or folder, and for a well-known format that cannot be read.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
-        let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        file::check_file_or_folder(&path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        Ok(if Format::is_scene_path(&path) { Self::Scene(path) } else { Self::Volume(path) })
+        let refuse = |path: &Path, why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", path.display()));
+        let path = std::fs::canonicalize(path).map_err(|e| refuse(path, &e))?;
+        file::check_file_or_folder(&path).map_err(|e| refuse(&path, &e))?;
+        let is_scene = Format::is_scene_path(&path);
+        if !is_certain(&path, is_scene)
+            && let Some(found) = unreadable::recognise(&path)
+        {
+            return Err(refuse(&path, &found));
+        }
+        Ok(if is_scene { Self::Scene(path) } else { Self::Volume(path) })
     }
 
     /// The name in [`SHIPPED_VOLUMES`], if it is one of these.
@@ -97,6 +108,14 @@ impl Input {
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
         fit(volume, FitTo::Kept(Path::new(folder)), function, spacing, GAUSSIANS, 0)
     }
+}
+
+/// Whether the name alone tells a readable format. Content does not decide then: a `.nii.gz` begins as an archive does.
+fn is_certain(path: &Path, is_scene: bool) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    // A folder without a scene file may hold the slices of another format.
+    let is_scene = is_scene && (!path.is_dir() || path.join("scene.toml").exists());
+    is_scene || ENDINGS.into_iter().any(|ending| name.ends_with(ending))
 }
 
 /// Where a fit puts its scene.
@@ -202,5 +221,19 @@ mod tests {
         assert_eq!(Input::of(None).unwrap().shipped_name(), Some("vessel"));
         let absent = Input::of(Some(&folder.path().join("none.raw"))).unwrap_err();
         assert!(matches!(absent, Failure::Input(_)));
+    }
+
+    #[test]
+    fn unreadable_formats_are_named_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let gzip = folder.path().join("brain.nii.gz");
+        std::fs::write(&gzip, b"\x1f\x8b\x08").unwrap();
+        assert!(matches!(Input::of(Some(&gzip)).unwrap(), Input::Volume(_)));
+        for (name, content) in [("slice.dcm", &b""[..]), ("IM0001", &[[0; 128].as_slice(), b"DICM"].concat())] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let Err(Failure::Input(said)) = Input::of(Some(&path)) else { panic!("{name} is taken") };
+            assert!(said.ends_with("DICOM cannot be read; save it as NRRD from 3D Slicer"), "{said}");
+        }
     }
 }

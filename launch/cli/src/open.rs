@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use sg_runtime::session::SessionDir;
 use sg_stack::console::Verbosity;
 use sg_stack::file::ExecutableSearch;
+use sg_stack::reconcile::Outcome;
 use sg_stack::supervisor::{Stack, Supervisor};
 
 use crate::display::has_display;
@@ -67,6 +68,7 @@ pub(crate) async fn open_path(
         overrides.push(format!("service.render-view.params.title={}", toml::Value::String(title)));
     }
     let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
+    let folder = session.path().to_owned();
     let stack = Stack {
         file,
         path: PathBuf::from(DESKTOP.0),
@@ -75,7 +77,17 @@ pub(crate) async fn open_path(
         opener: Box::new(CommandOpener),
     };
     terminal::print_status(&format!("session {name}: a window shows the scene; close it to end"));
-    outcome(Supervisor::open(stack).await?.run().await?)
+    let ended = Supervisor::open(stack).await?.run().await?;
+    if is_new && is_of_wrong_input(&ended) {
+        // The error says all that its logs do. Left over, they only take disk space.
+        let _ = std::fs::remove_dir_all(folder);
+    }
+    outcome(ended)
+}
+
+/// Whether a service could not use its input, by its exit status: such a session never showed anything.
+fn is_of_wrong_input(ended: &Outcome) -> bool {
+    matches!(ended, Outcome::Failed { reason, .. } if reason.starts_with("exit status 2"))
 }
 
 fn scene_of(input: &Input, spacing: Option<&str>) -> Result<Scene, Failure> {
