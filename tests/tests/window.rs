@@ -454,6 +454,8 @@ fn shows_a_scene_until_it_is_killed() {
         copies: Some(copies == "true"),
         settings: None,
         pictures: PathBuf::from(path).with_file_name("kept"),
+        file: None,
+        scratch: None,
         opened: Box::new(|| ()),
     };
     window::run(setup).unwrap();

@@ -57,16 +57,16 @@ pub(crate) async fn open_path(
             return Err(refused);
         }
     };
-    let param = |name: &str, path: &Path| {
-        format!("service.scene.params.{name}={}", toml::Value::String(path.display().to_string()))
+    let param = |service: &str, name: &str, path: &Path| {
+        format!("service.{service}.params.{name}={}", toml::Value::String(path.display().to_string()))
     };
-    let mut overrides = vec![param("scene", &scene.path)];
-    overrides.extend(project.map(|project| param("project", project)));
-    // A volume's scene lies in a folder of the program's own, so the title names the user's file.
-    let title = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    if title != "scene.toml" {
-        overrides.push(format!("service.render-view.params.title={}", toml::Value::String(title)));
-    }
+    let mut overrides = vec![param("scene", "scene", &scene.path)];
+    overrides.extend(project.map(|project| param("scene", "project", project)));
+    // A volume's scene lies in a folder of the program's own, so the window gets the user's file too. Of a project that folder's
+    // file would be the name.
+    let is_kept = project.is_some() && path.file_name().is_some_and(|name| name == "scene.toml");
+    overrides
+        .extend(std::path::absolute(path).iter().filter(|_| !is_kept).map(|file| param("render-view", "file", file)));
     let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
     let folder = session.path().to_owned();
     let stack = Stack {

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use sg_input::{file, limits};
 
 use super::navigation::NavigationMode;
+use super::recent_files;
 use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
@@ -46,6 +47,10 @@ pub struct Settings {
     pub gradient: bool,
     /// Whether ambient light is occluded.
     pub occlusion: bool,
+    /// The files that were opened last, newest first.
+    pub recent: Vec<PathBuf>,
+    /// Whether the desktop's file dialogs are used where it has some.
+    pub native_dialogs: bool,
 }
 
 impl Default for Settings {
@@ -67,6 +72,8 @@ impl Default for Settings {
             scale,
             gradient,
             occlusion,
+            recent: Vec::new(),
+            native_dialogs: true,
         }
     }
 }
@@ -169,6 +176,8 @@ impl Settings {
         self.height = within(self.height, 240.0, 16_384.0, first.height);
         self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
         self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
+        self.recent.retain(|path| path.is_absolute());
+        self.recent.truncate(recent_files::MOST);
         self
     }
 }

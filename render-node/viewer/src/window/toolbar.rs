@@ -21,6 +21,8 @@ impl WindowUi {
     /// Tools and other actions without a panel.
     pub(super) fn toolbar(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         ui.horizontal_wrapped(|ui| {
+            self.file_menu(ui, state, requests);
+            ui.separator();
             for mouse_tool in MouseTool::ALL {
                 if mouse_tool == MouseTool::Navigate || state.services.selection {
                     ui.selectable_value(&mut self.scene_view.mouse_tool, mouse_tool, mouse_tool.name());
