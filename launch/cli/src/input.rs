@@ -16,6 +16,8 @@ pub(crate) const GAUSSIANS: u32 = 100_000;
 
 /// Voxels along each edge of the synthetic volume.
 const SYNTHETIC_SIZE: &str = "128";
+/// Ending of a project's file.
+const PROJECT: &str = "sgproj";
 /// Volumes with shipped scripts, by the beginning of their file names.
 pub(crate) const SHIPPED_VOLUMES: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
@@ -28,6 +30,8 @@ pub(crate) enum Input {
     Volume(PathBuf),
     /// A scene file or folder.
     Scene(PathBuf),
+    /// A project, with the edits of a scene.
+    Project(PathBuf),
 }
 
 /// A scene that is ready to open.
@@ -50,6 +54,9 @@ impl Input {
         let refuse = |path: &Path, why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", path.display()));
         let path = std::fs::canonicalize(path).map_err(|e| refuse(path, &e))?;
         file::check_file_or_folder(&path).map_err(|e| refuse(&path, &e))?;
+        if path.extension().is_some_and(|ending| ending == PROJECT) {
+            return Ok(Self::Project(path));
+        }
         let is_scene = Format::is_scene_path(&path);
         if !is_certain(&path, is_scene)
             && let Some(found) = unreadable::recognise(&path)
@@ -63,7 +70,7 @@ impl Input {
     pub(crate) fn shipped_name(&self) -> Option<&'static str> {
         match self {
             Self::Synthetic => Some("vessel"),
-            Self::Scene(_) => None,
+            Self::Scene(_) | Self::Project(_) => None,
             Self::Volume(path) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
                 SHIPPED_VOLUMES.into_iter().find(|known| name.starts_with(known))
@@ -83,23 +90,25 @@ impl Input {
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path.clone(),
             Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
+            Self::Project(path) => return scene_of_project(path),
         };
         fit(&volume, FitTo::Folder(&out.join("scene")), function, None, gaussians, seed)
     }
 
-    /// The scene of a scene file or of a volume. That of a volume is kept where the user's projects are, so it is made once.
+    /// The scene of a scene file, of a project or of a volume. That of a volume is kept where the user's projects are, so it is made once.
     ///
     /// The Gaussians are the same each time, so that earlier edits fit.
     ///
     /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them.
     pub(crate) fn kept_scene(&self, function: Option<&Path>, spacing: Option<&str>) -> Result<Scene, Failure> {
         let volume = match self {
-            Self::Scene(path) if spacing.is_some() => {
-                let what = "--spacing is for raw volumes, and this is a scene; leave it out";
+            Self::Scene(path) | Self::Project(path) if spacing.is_some() => {
+                let what = "--spacing is for raw volumes, and this is none; leave it out";
                 return Err(Failure::Input(format!("{}: {what}", path.display())));
             }
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path,
+            Self::Project(path) => return scene_of_project(path),
             Self::Synthetic => return Err(Failure::Input("name a volume or a scene".to_owned())),
         };
         let places = json_of("scene", &["projects".as_ref(), "folders".as_ref()])?;
@@ -108,6 +117,18 @@ impl Input {
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
         fit(volume, FitTo::Kept(Path::new(folder)), function, spacing, GAUSSIANS, 0)
     }
+}
+
+/// The scene that a project is of.
+fn scene_of_project(project: &Path) -> Result<Scene, Failure> {
+    let found = json_of("scene", &["projects".as_ref(), "describe".as_ref(), project.as_os_str()])?;
+    let path = found.get("scene").and_then(Value::as_str).map(PathBuf::from);
+    let path = path.ok_or_else(|| Failure::Work("`supergaussian scene` names no scene".to_owned()))?;
+    if path.exists() {
+        return Ok(Scene { path, fit_seconds: None });
+    }
+    let gone = "its scene is gone; open a copy of that, or write the project with `supergaussian scene convert --scene`";
+    Err(Failure::Input(format!("{}: {} {gone}", project.display(), path.display())))
 }
 
 /// Whether the name alone tells a readable format. Content does not decide then: a `.nii.gz` begins as an archive does.

@@ -19,8 +19,8 @@ use crate::up::outcome;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct OpenArgs {
-    /// Volume or scene
-    #[arg(value_name = "VOLUME|SCENE")]
+    /// Volume, scene or project
+    #[arg(value_name = "VOLUME|SCENE|PROJECT")]
     path: PathBuf,
     /// Millimetres between the voxels of a raw volume along x, y and z
     #[arg(long, value_name = "X,Y,Z")]
@@ -39,6 +39,7 @@ pub(crate) async fn open_path(
     session_name: Option<&str>,
 ) -> CommandResult {
     let input = Input::of(Some(path))?;
+    let project = if let Input::Project(own) = &input { Some(own.as_path()) } else { project };
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
     }

@@ -1,8 +1,10 @@
 //! Files that a person saves from a window, under a name of their choice.
 //!
-//! The kernel confines the window's process to few folders. So this process writes for it, with limits of its own: a name that is
-//! taken stays as it is unless the person has agreed, hidden files of the home folder are out of reach, and the content is that of a
-//! scene, a project or a picture. Gaussians and projects come from the scene's own command, not from the window.
+//! The kernel confines the window's process to few folders. So this process writes for it, with limits of its own:
+//!
+//! - A file that is there stays, unless the person has agreed.
+//! - Hidden files of the home folder are out of reach.
+//! - Gaussians and projects come from the scene's own command, and pictures from the session's folder.
 
 use std::ffi::OsString;
 use std::fs::File;

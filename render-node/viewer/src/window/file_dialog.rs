@@ -9,13 +9,11 @@ use sg_formats::Format;
 use sg_proto::launch::{GaussianChoice, GaussianPart};
 use sg_volume::ENDINGS;
 
+use super::file_drop::PROJECT;
 use super::native_dialog::NativeDialogs;
 
 /// Shortest time in which a person closes a dialog of the desktop. One that closes earlier has not opened.
 const SHORTEST_DIALOG: Duration = Duration::from_millis(300);
-
-/// Ending of a project's file.
-const PROJECT: &str = ".sgproj";
 
 /// Width of the path's field at the usual text size, points.
 const FIELD: f32 = 460.0;
@@ -59,10 +57,11 @@ impl FilePurpose {
         match self {
             Self::Open => {
                 let scenes = Format::all_extensions();
-                let all = scenes.iter().chain(&ENDINGS).copied().chain([".json"]).collect();
+                let all = scenes.iter().chain(&ENDINGS).copied().chain([PROJECT, ".json"]).collect();
                 vec![
-                    ("Scenes, volumes, cameras".to_owned(), all),
+                    ("Scenes, projects, volumes, cameras".to_owned(), all),
                     ("Scenes".to_owned(), scenes),
+                    ("Projects".to_owned(), vec![PROJECT]),
                     ("Volumes".to_owned(), ENDINGS.to_vec()),
                     ("All files".to_owned(), vec!["*"]),
                 ]
