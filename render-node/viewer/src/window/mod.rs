@@ -8,14 +8,18 @@ mod contour;
 mod drawing;
 mod error;
 pub(crate) mod exporter;
+mod file_dialog;
 mod file_drop;
+mod file_menu;
 mod hints;
 mod image_texture;
 mod lasso;
+mod native_dialog;
 mod navigation;
 mod occlusion;
 mod orientation_cube;
 mod overlay;
+mod recent_files;
 mod scale_bar;
 mod scene_view;
 mod settings;
@@ -45,6 +49,7 @@ use sg_raster::render::Quality;
 
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
+pub use file_menu::WindowFiles;
 pub use hints::Hint;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
@@ -52,6 +57,7 @@ pub use settings::{Settings, SettingsError};
 pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
 pub use window_ui::WindowUi;
 
+use native_dialog::NativeDialogs;
 use surface::{PresentResult, WindowSurface};
 
 /// Share of the highlight's colour beside a contour: what is selected keeps its own colours.
@@ -89,6 +95,10 @@ pub struct Setup {
     pub settings: Option<PathBuf>,
     /// Folder of kept pictures.
     pub pictures: PathBuf,
+    /// The file that the person has opened; absent for a scene that a launch file names.
+    pub file: Option<PathBuf>,
+    /// Folder of the session for pictures on their way to a chosen name.
+    pub scratch: Option<PathBuf>,
     /// Called once the window is open.
     pub opened: Box<dyn FnOnce() + Send>,
 }
@@ -149,7 +159,25 @@ struct OpenWindow {
 
 impl OpenWindow {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, view_port, title, tools, quality, copies, settings, pictures, opened } = setup;
+        let Setup {
+            scene,
+            engine,
+            view_port,
+            title,
+            tools,
+            quality,
+            copies,
+            settings,
+            pictures,
+            file,
+            scratch,
+            opened,
+        } = setup;
+        if let (Some(settings), Some(file)) = (&settings, &file)
+            && let Err(why) = recent_files::remember(settings, file)
+        {
+            tracing::warn!("the file is not kept among the recent ones: {why}");
+        }
         let read = settings.as_deref().map_or(Ok(None), Settings::load).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
             None
@@ -170,7 +198,12 @@ impl OpenWindow {
             // A loop that has ended needs no waking.
             let _ = wake.send_event(());
         };
-        let window_ui = WindowUi::new(scene, engine, (view_port, tools), pictures, &loaded, waker)?;
+        let files = WindowFiles { opened: file, scratch, settings: settings.clone() };
+        let window_ui = WindowUi::new(scene, engine, (view_port, tools), pictures, &loaded, waker.clone())?;
+        let mut window_ui = window_ui.with_files(files);
+        if loaded.native_dialogs {
+            window_ui.file_menu.dialogs.use_native(NativeDialogs::new(Arc::clone(&window), Arc::new(waker)));
+        }
         let input = fresh_input(&window, None);
         let (before, due) = ((loaded, quality), Some(Instant::now()));
         let mut this = Self {
@@ -312,6 +345,9 @@ impl OpenWindow {
             width: size.width,
             height: size.height,
             maximized: self.window.is_maximized(),
+            // Other windows may have opened files meanwhile.
+            recent: recent_files::stored(path),
+            native_dialogs: self.before.0.native_dialogs,
             ..self.window_ui.settings()
         };
         let settings = settings.without_override(&self.before.0, self.before.1);

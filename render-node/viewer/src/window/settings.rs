@@ -9,6 +9,7 @@ use sg_input::{file, limits};
 
 use super::hints::Hint;
 use super::navigation::NavigationMode;
+use super::recent_files;
 use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
@@ -49,6 +50,10 @@ pub struct Settings {
     pub occlusion: bool,
     /// Hints that a person has dismissed, or has no need of any more.
     pub hints_done: Vec<Hint>,
+    /// The files that were opened last, newest first.
+    pub recent: Vec<PathBuf>,
+    /// Whether the desktop's file dialogs are used where it has some.
+    pub native_dialogs: bool,
 }
 
 impl Default for Settings {
@@ -71,6 +76,8 @@ impl Default for Settings {
             gradient,
             occlusion,
             hints_done: Vec::new(),
+            recent: Vec::new(),
+            native_dialogs: true,
         }
     }
 }
@@ -173,6 +180,8 @@ impl Settings {
         self.height = within(self.height, 240.0, 16_384.0, first.height);
         self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
         self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
+        self.recent.retain(|path| path.is_absolute());
+        self.recent.truncate(recent_files::MOST);
         self
     }
 }

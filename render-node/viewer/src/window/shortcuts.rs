@@ -65,7 +65,11 @@ pub enum Action {
     Picture,
     /// Keeps a turn around the scene as pictures.
     Turntable,
-    /// Keeps the selected Gaussians, or the visible ones, as a file.
+    /// Asks for a file to open.
+    Open,
+    /// Saves the project or everything in it under another name.
+    SaveCopy,
+    /// Saves the selected Gaussians, or the visible ones, as a file.
     ExportSplats,
     /// A picture for each eye, side by side.
     Stereo,
@@ -225,6 +229,13 @@ pub const SHORTCUTS: &[Shortcut] = &[
     ),
     plain(Key::Delete, "Delete", Action::Delete, "delete the selected Gaussians"),
     plain(Key::Backspace, "Backspace", Action::Delete, "delete the selected Gaussians"),
+    with(
+        Modifiers::COMMAND.plus(Modifiers::SHIFT),
+        Key::S,
+        "Ctrl+Shift+S",
+        Action::SaveCopy,
+        "save a copy of the project, or everything in it as a scene",
+    ),
     with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name the selection and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     with(Modifiers::SHIFT, Key::F, "Shift+F", Action::FrameSelection, "see the whole selection"),
@@ -240,7 +251,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         Key::E,
         "Ctrl+E",
         Action::ExportSplats,
-        "save the selected Gaussians as a PLY file; without a selection, the visible ones",
+        "export the selected Gaussians; without a selection, the visible ones",
     ),
     with(Modifiers::SHIFT, Key::ArrowLeft, "Shift+Left", Action::Slide(Way::Left), "slide the eye"),
     with(Modifiers::SHIFT, Key::ArrowRight, "Shift+Right", Action::Slide(Way::Right), "slide the eye"),
@@ -254,6 +265,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Equals, "=", Action::Nearer, "nearer"),
     plain(Key::Minus, "-", Action::Further, "further away"),
     plain(Key::X, "X", Action::Stereo, "stereo: a picture for each eye, side by side"),
+    with(Modifiers::COMMAND, Key::O, "Ctrl+O", Action::Open, "open a file"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),

@@ -25,6 +25,8 @@ impl WindowUi {
     pub(super) fn toolbar(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         let short = ui.available_width() < LABELLED * self.tools.scale;
         ui.horizontal_wrapped(|ui| {
+            self.file_menu(ui, state, requests);
+            ui.separator();
             // With panels, the tools head the column of the task.
             if !self.panels_shown {
                 self.tool_choice(ui, state, short);

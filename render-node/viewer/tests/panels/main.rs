@@ -9,6 +9,7 @@
 
 mod appearance;
 mod curves;
+mod file_menu;
 mod frame_rate;
 mod legends;
 mod monkey;
