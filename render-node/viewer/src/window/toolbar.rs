@@ -31,7 +31,7 @@ impl WindowUi {
                 for mode in BrushMode::ALL {
                     ui.selectable_value(&mut self.tools.mode, mode, mode.name()).on_hover_text(mode.hint());
                 }
-                let does = "limits the depth of brush, lasso and rectangle (Z)";
+                let does = "limits the depth of brush, lasso, rectangle and polygon (Z)";
                 if ui.selectable_label(self.tools.front_only, "in front").on_hover_text(does).clicked() {
                     self.tools.front_only = !self.tools.front_only;
                 }
@@ -124,7 +124,7 @@ impl WindowUi {
             egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
                 // Lines as close as text is, not as buttons are.
                 ui.spacing_mut().interact_size.y = 0.0;
-                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 4.0 * scale]);
+                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 3.0 * scale]);
                 let rows = SHORTCUTS.len().div_ceil(columns);
                 grid("shortcuts").show(ui, |ui| {
                     for row in 0..rows {

@@ -282,6 +282,7 @@ fn display_options_belong_to_one_display() {
     assert!(panel.query_by_label("Super-Gaussians").is_none());
 
     panel.state_mut().panels.host = PanelHost::Headset;
+    panel.run();
     press(&mut panel, "This display");
     press(&mut panel, "fast");
     press(&mut panel, "150 %");

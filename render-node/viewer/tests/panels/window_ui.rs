@@ -15,7 +15,7 @@ use sg_viewer::window::{MouseTool, Settings, WindowUi};
 use crate::stage::{after, scene, select};
 
 /// A desk that a mouse works on with a tool, and the other side of its seat.
-fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
+pub(crate) fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let scene = scene();
     let state = after(&scene, []);
     let services = ServiceAvailability { scene: true, selection: true, agents: true };
