@@ -54,11 +54,13 @@ pub struct Settings {
     pub recent: Vec<PathBuf>,
     /// Whether the desktop's file dialogs are used where it has some.
     pub native_dialogs: bool,
+    /// Whether the ground grid and the box of what is visible are shown.
+    pub grid: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } =
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
             Tools::default();
         Self {
             width: 1440.0,
@@ -78,6 +80,7 @@ impl Default for Settings {
             hints_done: Vec::new(),
             recent: Vec::new(),
             native_dialogs: true,
+            grid,
         }
     }
 }
@@ -159,9 +162,20 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, .. } = *self;
+        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, grid, .. } = *self;
         let quality = given.unwrap_or(self.quality);
-        *tools = Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, ..tools.clone() };
+        *tools = Tools {
+            mode,
+            radius,
+            front_only,
+            quality,
+            light_panels,
+            scale,
+            gradient,
+            occlusion,
+            grid,
+            ..tools.clone()
+        };
     }
 
     /// The settings to save after a run that began with `before`. A quality given for that run alone, and not changed

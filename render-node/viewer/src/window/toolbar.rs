@@ -101,7 +101,7 @@ impl WindowUi {
             }
         }
         if state.services.selection {
-            let does = "Brush, lasso and rectangle leave out what lies behind the surface in front. (Z)";
+            let does = "Brush, lasso, rectangle and polygon leave out what lies behind the surface in front. (Z)";
             if labelled_button(ui, (Some(Icon::InFront), "in front", short), self.tools.front_only, does).clicked() {
                 self.tools.front_only = !self.tools.front_only;
             }

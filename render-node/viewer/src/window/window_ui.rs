@@ -166,7 +166,8 @@ impl WindowUi {
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } = self.tools;
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
+            self.tools;
         Settings {
             panels: self.panels_shown,
             mouse_tool: self.scene_view.mouse_tool,
@@ -180,6 +181,7 @@ impl WindowUi {
             gradient,
             occlusion,
             hints_done: self.hints_done.clone(),
+            grid,
             ..Settings::default()
         }
     }
@@ -242,6 +244,7 @@ impl WindowUi {
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
         if !ui.ctx().text_edit_focused() {
+            self.scene_view.take_polygon_keys(ui);
             let has_focus = ui.ctx().egui_wants_keyboard_input();
             for action in ui.input_mut(|input| shortcuts::pressed(input, has_focus)) {
                 self.act(action, &state, &mut requests);
@@ -276,6 +279,7 @@ impl WindowUi {
                 &self.tools,
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
+            self.scene_view.show_shape(ui, response.rect, (&state, &self.tools), &mut requests);
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
@@ -444,6 +448,9 @@ impl WindowUi {
             Action::Brush => self.scene_view.mouse_tool = MouseTool::Brush,
             Action::Lasso => self.scene_view.mouse_tool = MouseTool::Lasso,
             Action::Rectangle => self.scene_view.mouse_tool = MouseTool::Rectangle,
+            Action::Polygon => self.scene_view.mouse_tool = MouseTool::Polygon,
+            Action::Sphere => self.scene_view.mouse_tool = MouseTool::Sphere,
+            Action::Box => self.scene_view.mouse_tool = MouseTool::Box,
             Action::Walk => self.tools.mode = BrushMode::Walk,
             Action::Cluster => self.tools.mode = BrushMode::Cluster,
             Action::Point => self.tools.mode = BrushMode::Point,
@@ -452,7 +459,7 @@ impl WindowUi {
             Action::Depth => {
                 self.tools.front_only = !self.tools.front_only;
                 let reach = if self.tools.front_only { "only the front" } else { "the back too" };
-                self.line = format!("brush, lasso and rectangle reach {reach}");
+                self.line = format!("brush, lasso, rectangle and polygon reach {reach}");
             }
             Action::Less => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
             Action::More => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
@@ -543,6 +550,7 @@ impl WindowUi {
             Action::Open => self.ask_open(state),
             Action::Stereo => self.scene_view.stereo = !self.scene_view.stereo,
             Action::Panels => self.panels_shown = !self.panels_shown,
+            Action::Grid => self.tools.grid = !self.tools.grid,
             Action::Theme => self.tools.light_panels = !self.tools.light_panels,
             Action::NextDisplayMode => self.tools.display_mode = next_display_mode(self.tools.display_mode, state),
             Action::Close => self.closes = true,

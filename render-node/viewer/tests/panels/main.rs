@@ -14,6 +14,7 @@ mod frame_rate;
 mod legends;
 mod monkey;
 mod picture;
+mod region_tools;
 mod scene_requests;
 mod select_requests;
 mod stage;
