@@ -242,6 +242,8 @@ impl PathDialog {
         let window = window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).collapsible(false).resizable(false);
         window.open(&mut stays).show(ctx, |ui| {
             let width = (FIELD * scale).min(0.9 * ctx.content_rect().width());
+            // A window of egui would narrow its content to its own usual width.
+            ui.set_min_width(width);
             let field = ui.add(TextEdit::singleline(&mut self.text).desired_width(width).hint_text("path"));
             if !self.focused {
                 field.request_focus();
