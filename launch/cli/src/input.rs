@@ -127,7 +127,8 @@ fn scene_of_project(project: &Path) -> Result<Scene, Failure> {
     if path.exists() {
         return Ok(Scene { path, fit_seconds: None });
     }
-    let gone = "its scene is gone; open a copy of that, or write the project with `supergaussian scene convert --scene`";
+    let gone =
+        "its scene is gone; open a copy of that, or write the project with `supergaussian scene convert --scene`";
     Err(Failure::Input(format!("{}: {} {gone}", project.display(), path.display())))
 }
 

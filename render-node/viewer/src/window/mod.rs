@@ -11,6 +11,7 @@ pub(crate) mod exporter;
 mod file_dialog;
 mod file_drop;
 mod file_menu;
+mod file_purpose;
 mod image_texture;
 mod lasso;
 mod native_dialog;
@@ -26,6 +27,7 @@ mod shared_texture;
 mod shortcuts;
 mod surface;
 mod toolbar;
+mod window_files;
 mod window_ui;
 
 use std::path::PathBuf;
@@ -48,11 +50,11 @@ use sg_raster::render::Quality;
 
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
-pub use file_menu::WindowFiles;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
 pub use settings::{Settings, SettingsError};
 pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
+pub use window_files::WindowFiles;
 pub use window_ui::WindowUi;
 
 use native_dialog::NativeDialogs;
