@@ -22,6 +22,7 @@ use super::bookmarks::Bookmarks;
 use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
+<<<<<<< HEAD
 use super::file_drop::{self, DroppedFile};
 use super::file_menu::FileMenu;
 use super::hints::{self, Hint, HintPlaces};
@@ -29,6 +30,13 @@ use super::navigation::Navigator;
 use super::scene_view::{MouseTool, SceneView};
 use super::settings::Settings;
 use super::shortcuts::{self, Action, Way};
+=======
+use super::navigation::Navigator;
+use super::scene_view::{MouseTool, SceneView};
+use super::settings::Settings;
+use super::shortcuts::{self, Action};
+use super::window_files::FileMenu;
+>>>>>>> 5a28997198e334d7b0a0cb88f98c4a0971591f1e
 use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,

@@ -62,7 +62,7 @@ fn saved(service: &Backend) -> SaveRequest {
         Request::Save(save) => Some(*save),
         _ => None,
     });
-    let one = all.next().expect("a file is saved");
+    let one = all.next().unwrap();
     assert_eq!(all.next(), None);
     one
 }
@@ -203,5 +203,9 @@ fn a_picture_is_drawn_larger_and_transparent() {
     let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
     let info = reader.info();
     assert_eq!(info.color_type, png::ColorType::Rgba);
-    assert!(info.width > 1000 && info.width % 2 == 0, "twice the picture of a window of 900 points: {}", info.width);
+    assert!(
+        info.width > 1000 && info.width.is_multiple_of(2),
+        "twice the picture of a window of 900 points: {}",
+        info.width
+    );
 }
