@@ -177,7 +177,10 @@ impl<'a> Painter<'a> {
 /// Reports Gaussians that cannot be drawn.
 pub(super) fn warn_of_dropped(gaussians: usize) {
     if gaussians > 0 {
-        print::status(&format!("warning: {} Gaussians with NaN or infinite attributes were left out", grouped(gaussians as u64)));
+        print::status(&format!(
+            "warning: {} Gaussians with NaN or infinite attributes were left out",
+            grouped(gaussians as u64)
+        ));
     }
 }
 

@@ -13,7 +13,9 @@ use sg_formats::LoadOptions;
 use sg_formats::files::files_of;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, Measure, MeasureRequest, State};
+use sg_proto::scene::{
+    Changes, ChangesRequest, Command, CommandResult, Event, File, Files, FilesRequest, Measure, MeasureRequest, State,
+};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::blobs::{BlobError, Blobs};
 use sg_runtime::bus::{Bus, RetainedValue};

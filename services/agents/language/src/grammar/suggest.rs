@@ -114,7 +114,8 @@ mod tests {
     fn nothing_is_suggested_that_a_unit_of_the_file_refuses() {
         for said in ["please rename the pot somehow", "forget about the name", "save it as the pot, would you"] {
             let found = examples(&[said.to_owned()], &["pot"]);
-            let refused = |e: &String| ["rename", "forget", "remove the name", "as pot", "update"].iter().any(|w| e.contains(w));
+            let refused =
+                |e: &String| ["rename", "forget", "remove the name", "as pot", "update"].iter().any(|w| e.contains(w));
             assert!(!found.iter().any(refused), "{said}: {found:?}");
         }
     }
