@@ -164,8 +164,8 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
         v => format!("{} mm³", measured(1e3 * v)),
     };
     let (name, plural) = crate::text::target(target);
-    let (verb, fills) = if plural { ("measure", "fill") } else { ("measures", "fills") };
-    Some(format!("{} {verb} about {x} × {y} × {z} {unit} and {fills} about {volume}.", capital(&name)))
+    let (verb, its) = if plural { ("measure", "their") } else { ("measures", "its") };
+    Some(format!("{} {verb} about {x} × {y} × {z} {unit}; {its} Gaussians fill about {volume}.", capital(&name)))
 }
 
 /// A measured number: whole from 10 on, else with one or two decimals.
@@ -280,11 +280,11 @@ mod tests {
         let of = |name: &str| Target { units: vec![name.to_owned()], ..Target::default() };
         assert_eq!(
             size(&of("heart"), &measure(5.4e-4, 1000.0)).unwrap(),
-            "The heart measures about 123 × 80 × 96 mm and fills about 540 mL."
+            "The heart measures about 123 × 80 × 96 mm; its Gaussians fill about 540 mL."
         );
         assert_eq!(
             size(&of("vessels"), &measure(1.2e-9, 1000.0)).unwrap(),
-            "The vessels measure about 123 × 80 × 96 mm and fill about 1.2 mm³."
+            "The vessels measure about 123 × 80 × 96 mm; their Gaussians fill about 1.2 mm³."
         );
         assert_eq!(size(&of("heart"), &measure(5.4e-4, 0.0)), None, "no unit, no size");
     }

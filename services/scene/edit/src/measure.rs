@@ -2,6 +2,7 @@
 
 use sg_proto::scene::{Measure, MeasureRequest};
 use sg_scene::extent::extent;
+use sg_scene::orientation::LengthUnit;
 
 use super::editor::Editor;
 use super::error::EditError;
@@ -21,7 +22,7 @@ impl Editor {
             count: target.members.count() as u64,
             edges: Some(encode_vector(found.edges)),
             volume: found.volume,
-            millimetres: scene.orientation.unit.map_or(0.0, |unit| unit.millimetres()),
+            millimetres: scene.orientation.unit.map_or(0.0, LengthUnit::millimetres),
         })
     }
 }
@@ -32,7 +33,7 @@ mod tests {
 
     use sg_proto::scene::Target;
     use sg_scene::model::Scene;
-    use sg_scene::orientation::{LengthUnit, Orientation};
+    use sg_scene::orientation::Orientation;
     use sg_scene::synthetic::test_scene;
 
     use super::*;
