@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
-# of processor cores (lavapipe), a display without a screen (Xvfb) and what presses its keys (xdotool), ffmpeg, cargo-nextest,
-# cargo-deny, buf, the Python environment of the tests (ops/python.sh) and their OpenXR runtime (ops/monado.sh). Does nothing
+# of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg,
+# cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh) and their OpenXR runtime (ops/monado.sh). Does nothing
 # where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -21,6 +21,7 @@ have git || packages+=(git)
 have ip || packages+=(iproute2)
 have Xvfb || packages+=(xvfb)
 have xdotool || packages+=(xdotool)
+have openbox || packages+=(openbox)
 have ffmpeg || packages+=(ffmpeg)
 have npm || packages+=(nodejs npm)
 # A graphics card's own driver, if there is one, stays what is used; tests need any.

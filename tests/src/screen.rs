@@ -1,4 +1,4 @@
-//! A screen without a viewer, and a mouse and a keyboard without a hand: Xvfb and xdotool.
+//! A screen without a viewer, and a mouse and a keyboard without a hand: Xvfb, openbox and xdotool.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
@@ -10,10 +10,14 @@ use crate::{dropping, minimizing};
 /// Width and height of the screen in pixels.
 pub const SIZE: [usize; 2] = [1440, 900];
 
+/// The window manager of a managed screen.
+const MANAGER: &str = "openbox";
+
 /// A screen; gone when dropped.
 #[derive(Debug)]
 pub struct Screen {
     server: Child,
+    manager: Option<Child>,
     folder: tempfile::TempDir,
     display: String,
 }
@@ -30,10 +34,40 @@ impl Screen {
     ///
     /// # Errors
     /// The reason why it did not open.
-    #[allow(clippy::print_stderr, reason = "a skipped test says so")]
     pub fn open() -> Result<Option<Self>, String> {
-        for program in ["Xvfb", "xdotool"] {
-            let there = Command::new(program).arg("-help").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        Self::open_with(&["Xvfb", "xdotool"])
+    }
+
+    /// As [`Screen::open`], with a window manager: windows have frames and lie where it puts them.
+    ///
+    /// # Errors
+    /// As [`Screen::open`].
+    pub fn open_managed() -> Result<Option<Self>, String> {
+        let Some(mut screen) = Self::open_with(&["Xvfb", "xdotool", MANAGER])? else { return Ok(None) };
+        let manager = Command::new(MANAGER)
+            .args(["--sm-disable", "--config-file", "/dev/null"])
+            .env("DISPLAY", &screen.display)
+            .env("XDG_CONFIG_HOME", screen.folder.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        screen.manager = Some(manager.map_err(|e| format!("{MANAGER}: {e}"))?);
+        // A window that is shown before the manager runs has no frame.
+        let begun = Instant::now();
+        while screen.act(&["get_num_desktops"]).is_err() {
+            if begun.elapsed() > Duration::from_secs(20) {
+                return Err(format!("{MANAGER} does not manage the screen"));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(Some(screen))
+    }
+
+    #[allow(clippy::print_stderr, reason = "a skipped test says so")]
+    fn open_with(programs: &[&str]) -> Result<Option<Self>, String> {
+        for program in programs {
+            let there = Command::new(program).arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status();
             if there.is_err() {
                 if std::env::var_os("SUPERGAUSSIAN_REQUIRE_XR").is_some_and(|v| v == "1") {
                     return Err(format!("{program} is required and not installed"));
@@ -66,7 +100,7 @@ impl Screen {
         let said = server.stdout.take().map(BufReader::new);
         let mut number = String::new();
         let read = said.map(|mut said| said.read_line(&mut number));
-        let screen = Self { server, folder, display: format!(":{}", number.trim()) };
+        let screen = Self { server, manager: None, folder, display: format!(":{}", number.trim()) };
         match read {
             Some(Ok(1..)) => Ok(Some(screen)),
             outcome => Err(format!("Xvfb did not open a screen: {outcome:?}")),
@@ -188,12 +222,29 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
+        for process in self.manager.iter_mut().chain([&mut self.server]) {
+            let _ = process.kill();
+            let _ = process.wait();
+        }
     }
 }
 
 impl Shot {
+    /// Writes the picture as a PNG file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        let fail = |reason: &dyn std::fmt::Display| format!("{}: {reason}", path.display());
+        let file = std::fs::File::create(path).map_err(|e| fail(&e))?;
+        let mut encoder = png::Encoder::new(std::io::BufWriter::new(file), SIZE[0] as u32, SIZE[1] as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().map_err(|e| fail(&e))?;
+        writer.write_image_data(self.pixels.as_flattened()).map_err(|e| fail(&e))?;
+        writer.finish().map_err(|e| fail(&e))
+    }
+
     /// Share of the pixels of a rectangle (left, top, width, height) with a given property.
     #[must_use]
     pub fn share(&self, [left, top, width, height]: [usize; 4], holds: impl Fn([u8; 3]) -> bool) -> f64 {

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use serde_json::Value;
 use sg_formats::Format;
-use sg_input::file;
+use sg_input::{file, unreadable};
+use sg_volume::ENDINGS;
 
 use crate::subcommands::json_of;
 use crate::terminal::{self, Failure};
@@ -15,6 +16,8 @@ pub(crate) const GAUSSIANS: u32 = 100_000;
 
 /// Voxels along each edge of the synthetic volume.
 const SYNTHETIC_SIZE: &str = "128";
+/// Ending of a project's file.
+const PROJECT: &str = "sgproj";
 /// Volumes with shipped scripts, by the beginning of their file names.
 pub(crate) const SHIPPED_VOLUMES: [&str; 3] = ["bonsai", "aneurism", "tooth"];
 
@@ -27,6 +30,8 @@ pub(crate) enum Input {
     Volume(PathBuf),
     /// A scene file or folder.
     Scene(PathBuf),
+    /// A project, with the edits of a scene.
+    Project(PathBuf),
 }
 
 /// A scene that is ready to open.
@@ -39,20 +44,33 @@ pub(crate) struct Scene {
 }
 
 impl Input {
-    /// Tells scenes from volumes by the extension. The table in `sg-formats` is the only list of scene files, so this program
-    /// links it, as the window does for dropped files.
+    /// Tells scenes from volumes by the extension. The tables in `sg-formats` and `sg-volume` are the only lists of files that can
+    /// be read, so this program links them, as the window does for dropped files.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] for a path without a file or folder, and for a well-known format that cannot be read.
     pub(crate) fn of(path: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = path else { return Ok(Self::Synthetic) };
-        let path = std::fs::canonicalize(path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        file::check_file_or_folder(&path).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        Ok(if Format::is_scene_path(&path) { Self::Scene(path) } else { Self::Volume(path) })
+        let refuse = |path: &Path, why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", path.display()));
+        let path = std::fs::canonicalize(path).map_err(|e| refuse(path, &e))?;
+        file::check_file_or_folder(&path).map_err(|e| refuse(&path, &e))?;
+        if path.extension().is_some_and(|ending| ending == PROJECT) {
+            return Ok(Self::Project(path));
+        }
+        let is_scene = Format::is_scene_path(&path);
+        if !is_certain(&path, is_scene)
+            && let Some(found) = unreadable::recognise(&path)
+        {
+            return Err(refuse(&path, &found));
+        }
+        Ok(if is_scene { Self::Scene(path) } else { Self::Volume(path) })
     }
 
     /// The name in [`SHIPPED_VOLUMES`], if it is one of these.
     pub(crate) fn shipped_name(&self) -> Option<&'static str> {
         match self {
             Self::Synthetic => Some("vessel"),
-            Self::Scene(_) => None,
+            Self::Scene(_) | Self::Project(_) => None,
             Self::Volume(path) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
                 SHIPPED_VOLUMES.into_iter().find(|known| name.starts_with(known))
@@ -72,23 +90,25 @@ impl Input {
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path.clone(),
             Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
+            Self::Project(path) => return scene_of_project(path),
         };
         fit(&volume, FitTo::Folder(&out.join("scene")), function, None, gaussians, seed)
     }
 
-    /// The scene of a scene file or of a volume. That of a volume is kept where the user's projects are, so it is made once.
+    /// The scene of a scene file, of a project or of a volume. That of a volume is kept where the user's projects are, so it is made once.
     ///
     /// The Gaussians are the same each time, so that earlier edits fit.
     ///
     /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them.
     pub(crate) fn kept_scene(&self, function: Option<&Path>, spacing: Option<&str>) -> Result<Scene, Failure> {
         let volume = match self {
-            Self::Scene(path) if spacing.is_some() => {
-                let what = "--spacing is for raw volumes, and this is a scene; leave it out";
+            Self::Scene(path) | Self::Project(path) if spacing.is_some() => {
+                let what = "--spacing is for raw volumes, and this is none; leave it out";
                 return Err(Failure::Input(format!("{}: {what}", path.display())));
             }
             Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
             Self::Volume(path) => path,
+            Self::Project(path) => return scene_of_project(path),
             Self::Synthetic => return Err(Failure::Input("name a volume or a scene".to_owned())),
         };
         let places = json_of("scene", &["projects".as_ref(), "folders".as_ref()])?;
@@ -97,6 +117,27 @@ impl Input {
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
         fit(volume, FitTo::Kept(Path::new(folder)), function, spacing, GAUSSIANS, 0)
     }
+}
+
+/// The scene that a project is of.
+fn scene_of_project(project: &Path) -> Result<Scene, Failure> {
+    let found = json_of("scene", &["projects".as_ref(), "describe".as_ref(), project.as_os_str()])?;
+    let path = found.get("scene").and_then(Value::as_str).map(PathBuf::from);
+    let path = path.ok_or_else(|| Failure::Work("`supergaussian scene` names no scene".to_owned()))?;
+    if path.exists() {
+        return Ok(Scene { path, fit_seconds: None });
+    }
+    let gone =
+        "its scene is gone; open a copy of that, or write the project with `supergaussian scene convert --scene`";
+    Err(Failure::Input(format!("{}: {} {gone}", project.display(), path.display())))
+}
+
+/// Whether the name alone tells a readable format. Content does not decide then: a `.nii.gz` begins as an archive does.
+fn is_certain(path: &Path, is_scene: bool) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    // A folder without a scene file may hold the slices of another format.
+    let is_scene = is_scene && (!path.is_dir() || path.join("scene.toml").exists());
+    is_scene || ENDINGS.into_iter().any(|ending| name.ends_with(ending))
 }
 
 /// Where a fit puts its scene.
@@ -202,5 +243,19 @@ mod tests {
         assert_eq!(Input::of(None).unwrap().shipped_name(), Some("vessel"));
         let absent = Input::of(Some(&folder.path().join("none.raw"))).unwrap_err();
         assert!(matches!(absent, Failure::Input(_)));
+    }
+
+    #[test]
+    fn unreadable_formats_are_named_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let gzip = folder.path().join("brain.nii.gz");
+        std::fs::write(&gzip, b"\x1f\x8b\x08").unwrap();
+        assert!(matches!(Input::of(Some(&gzip)).unwrap(), Input::Volume(_)));
+        for (name, content) in [("slice.dcm", &b""[..]), ("IM0001", &[[0; 128].as_slice(), b"DICM"].concat())] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let Err(Failure::Input(said)) = Input::of(Some(&path)) else { panic!("{name} is taken") };
+            assert!(said.ends_with("DICOM cannot be read; save it as NRRD from 3D Slicer"), "{said}");
+        }
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use sg_runtime::session::SessionDir;
 use sg_stack::console::Verbosity;
 use sg_stack::file::ExecutableSearch;
+use sg_stack::reconcile::Outcome;
 use sg_stack::supervisor::{Stack, Supervisor};
 
 use crate::display::has_display;
@@ -18,8 +19,8 @@ use crate::up::outcome;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct OpenArgs {
-    /// Volume or scene
-    #[arg(value_name = "VOLUME|SCENE")]
+    /// Volume, scene or project
+    #[arg(value_name = "VOLUME|SCENE|PROJECT")]
     path: PathBuf,
     /// Millimetres between the voxels of a raw volume along x, y and z
     #[arg(long, value_name = "X,Y,Z")]
@@ -38,6 +39,7 @@ pub(crate) async fn open_path(
     session_name: Option<&str>,
 ) -> CommandResult {
     let input = Input::of(Some(path))?;
+    let project = if let Input::Project(own) = &input { Some(own.as_path()) } else { project };
     if !has_display() {
         return Err(Failure::Work("no window can be opened: DISPLAY is not set".to_owned()));
     }
@@ -56,17 +58,18 @@ pub(crate) async fn open_path(
             return Err(refused);
         }
     };
-    let param = |name: &str, path: &Path| {
-        format!("service.scene.params.{name}={}", toml::Value::String(path.display().to_string()))
+    let param = |service: &str, name: &str, path: &Path| {
+        format!("service.{service}.params.{name}={}", toml::Value::String(path.display().to_string()))
     };
-    let mut overrides = vec![param("scene", &scene.path)];
-    overrides.extend(project.map(|project| param("project", project)));
-    // A volume's scene lies in a folder of the program's own, so the title names the user's file.
-    let title = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    if title != "scene.toml" {
-        overrides.push(format!("service.render-view.params.title={}", toml::Value::String(title)));
-    }
+    let mut overrides = vec![param("scene", "scene", &scene.path)];
+    overrides.extend(project.map(|project| param("scene", "project", project)));
+    // A volume's scene lies in a folder of the program's own, so the window gets the user's file too. Of a project that folder's
+    // file would be the name.
+    let is_kept = project.is_some() && path.file_name().is_some_and(|name| name == "scene.toml");
+    overrides
+        .extend(std::path::absolute(path).iter().filter(|_| !is_kept).map(|file| param("render-view", "file", file)));
     let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
+    let folder = session.path().to_owned();
     let stack = Stack {
         file,
         path: PathBuf::from(DESKTOP.0),
@@ -75,7 +78,17 @@ pub(crate) async fn open_path(
         opener: Box::new(CommandOpener),
     };
     terminal::print_status(&format!("session {name}: a window shows the scene; close it to end"));
-    outcome(Supervisor::open(stack).await?.run().await?)
+    let ended = Supervisor::open(stack).await?.run().await?;
+    if is_new && is_of_wrong_input(&ended) {
+        // The error says all that its logs do. Left over, they only take disk space.
+        let _ = std::fs::remove_dir_all(folder);
+    }
+    outcome(ended)
+}
+
+/// Whether a service could not use its input, by its exit status: such a session never showed anything.
+fn is_of_wrong_input(ended: &Outcome) -> bool {
+    matches!(ended, Outcome::Failed { reason, .. } if reason.starts_with("exit status 2"))
 }
 
 fn scene_of(input: &Input, spacing: Option<&str>) -> Result<Scene, Failure> {

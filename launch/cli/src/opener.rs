@@ -22,7 +22,8 @@ impl SessionOpener for CommandOpener {
         file::check_file_or_folder(path)
             .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(e) })
             .map_err(|e| Fault::precondition(format!("{}: {e}", path.display())))?;
-        let input = Input::of(Some(path)).map_err(|f| Fault::not_found(f.text()))?;
+        let refuse = if path.exists() { Fault::precondition } else { Fault::not_found };
+        let input = Input::of(Some(path)).map_err(|f| refuse(f.text()))?;
         let readable = if path.is_dir() { Ok(()) } else { file::open(path).map(drop) };
         readable.map_err(|e| Fault::precondition(format!("{}: {e}", path.display())))?;
         if !has_display() {

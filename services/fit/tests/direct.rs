@@ -6,7 +6,9 @@ use std::collections::HashSet;
 use glam::{DMat3, DVec3, Vec3};
 use sg_fit::direct::HAZE_AMBIENT;
 use sg_fit::{DirectError, DirectStart, Options, direct_start};
-use sg_scene::model::Convention;
+use sg_scene::mask::Mask;
+use sg_scene::model::{Convention, Scene};
+use sg_scene::size::size;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, Units};
 use sg_volume::{Field, Grid, TransferFunction, Volume};
@@ -237,4 +239,35 @@ fn progress_is_reported_in_order() {
     direct_start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), &Options::default(), |p| seen.push(p)).unwrap();
     assert_eq!(seen.len(), seen[0].of);
     assert!(seen.iter().enumerate().all(|(i, p)| p.done == i && p.of == seen.len()));
+}
+
+#[test]
+fn a_fitted_body_encloses_its_volume() {
+    // A ball in millimetres, in voxels that are no cubes.
+    let grid = Grid::new([40; 3], DVec3::new(0.5, 0.5, 1.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let radius = 8.0;
+    let whole = field(grid, |p| {
+        let place = (p - 19.5) * DVec3::new(0.5, 0.5, 1.0);
+        (200.0 * (radius + 0.5 - place.length()).clamp(0.0, 1.0)) as f32
+    });
+    let measured = |scene: &Scene| size(scene, &Mask::full(scene.len())).unwrap();
+    for gaussians in [1000, 16_000] {
+        let found = measured(&start(&whole, &ball_function(), gaussians).unwrap().scene);
+        let share = found.enclosed / (4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3));
+        println!(
+            "{gaussians} Gaussians on a ball: {} of its diameter, {share:.3} of its volume",
+            found.extent / (2.0 * radius)
+        );
+        assert!((found.extent / (2.0 * radius) - 1.0).abs().max_element() < 0.05, "{}", found.extent);
+        // Gaussians of the surface reach beyond it, by some 4 % of the radius.
+        assert!((1.0..1.15).contains(&share) && found.occupied < 0.5 * found.enclosed, "{share}");
+    }
+    // Vessels of a few voxels; the tips of the thinnest stay open.
+    let raster = VesselTree::new().rasterize(96, 1).unwrap();
+    let labels = raster.labels().unwrap().to_field();
+    let truth = labels.values().iter().filter(|label| **label > 0.0).count() as f64;
+    let scene = start(&raster.volume().unwrap().to_field(), &phantom::transfer_function(), 30_000).unwrap().scene;
+    let share = measured(&scene).enclosed / (truth * (scene.bounds.longest_edge() / 96.0).powi(3));
+    println!("a vessel tree: {share:.3} of its volume");
+    assert!((0.65..1.15).contains(&share), "{share}");
 }

@@ -411,7 +411,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
     (
         "launch/cli",
         "supergaussian",
-        &["sg-confinement", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack"],
+        &["sg-confinement", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack", "sg-volume"],
     ),
     (
         "tests",

@@ -43,6 +43,7 @@ fn unopenable_files_are_refused_with_one_line() {
         (Path::new("scene.ply"), Code::InvalidArgument, "absolute"),
         (&sandbox.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
         (&pipe, Code::FailedPrecondition, "it is a pipe"),
+        (&sandbox.file("slice.dcm", "DICM"), Code::FailedPrecondition, "DICOM cannot be read; save it as NRRD"),
     ] {
         let fault = refused(path);
         assert!(fault.code == code && fault.message.contains(said), "{fault:?}");
@@ -52,6 +53,21 @@ fn unopenable_files_are_refused_with_one_line() {
     sandbox.ready("one", "scene");
     let fault = refused(&sandbox.file("scene.ply", "ply"));
     assert!(fault.message.contains("DISPLAY is not set") && fault.message.contains("supergaussian open"), "{fault:?}");
+}
+
+#[test]
+fn a_refused_file_leaves_no_session() {
+    let sandbox = Sandbox::new();
+    for (name, said) in [("none.ply", "No such file"), ("slice.dcm", "DICOM cannot be read; save it as NRRD")] {
+        let path = sandbox.path().join(name);
+        if name == "slice.dcm" {
+            sandbox.file(name, "DICM");
+        }
+        let (status, _, errors) = sandbox.run(&["open", &path.display().to_string()]);
+        assert!(status == 2 && errors.contains(said), "{status} {errors}");
+    }
+    let sessions = std::fs::read_dir(sandbox.path().join("run")).map_or(0, Iterator::count);
+    assert_eq!(sessions, 0);
 }
 
 #[test]
@@ -70,7 +86,8 @@ fn failed_open_is_reported_and_the_stack_continues() {
         let told = failed(&mut events).await;
         assert_eq!((told.path, &told.session), (scene.display().to_string(), &reply.session));
         assert_eq!(told.reason, "service `scene` failed: exit status 2: no such scene");
-        // The opener logs the output of the new session. The new session logs its own services.
+        // The opener logs the output of the new session, which leaves no folder.
+        assert!(!sandbox.path().join("run").join(&reply.session).exists());
         let (_, log, _) = sandbox.run(&["logs", "--session", "one", &reply.session]);
         assert!(log.contains("no such scene"), "{log}");
     })

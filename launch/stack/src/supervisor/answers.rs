@@ -96,6 +96,10 @@ impl Supervisor {
                 let _ = reply.send(self.open_session(&request));
                 Event::Tick
             }
+            Request::Save(request, context, reply) => {
+                self.save_file(request, context, reply);
+                Event::Tick
+            }
         };
         vec![event]
     }

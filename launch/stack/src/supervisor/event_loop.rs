@@ -24,6 +24,7 @@ use super::awake_clock::{AwakeClock, TURN};
 use super::nodes::{self, Nodes, StartResult};
 use super::opener::{MAX_OPEN, SessionOpener};
 use super::requests::{CAPACITY, Handle, Request, serve};
+use super::save_file::MAX_SAVES;
 use super::session_lock::{forget, lock};
 use crate::console::{Console, ServiceLog, Verbosity, Writer};
 use crate::descendants;
@@ -84,6 +85,8 @@ pub struct Supervisor {
     node_logs: Subscription<LogLines>,
     /// Limits the sessions that are opened from this one.
     pub(super) open_slots: Arc<Semaphore>,
+    /// Limits the files that are written at a time.
+    pub(super) save_slots: Arc<Semaphore>,
     /// Process id and instance of all processes on this machine.
     pub(super) pids: HashMap<ProcessId, (u32, String)>,
     /// By service.
@@ -209,6 +212,7 @@ impl Supervisor {
             placed,
             node_logs,
             open_slots: Arc::new(Semaphore::new(MAX_OPEN)),
+            save_slots: Arc::new(Semaphore::new(MAX_SAVES)),
             pids: HashMap::new(),
             logs: HashMap::new(),
             width,

@@ -10,6 +10,7 @@ mod open_session;
 mod opener;
 mod process_messages;
 mod requests;
+mod save_file;
 mod session_lock;
 mod status;
 mod work;

@@ -6,10 +6,11 @@ use sg_proto::bus::MetricsReply;
 use sg_proto::keys::{self, Identity};
 use sg_proto::launch::{
     DownReply, JoinReply, JoinRequest, OpenReply, OpenRequest, PsReply, PsRequest, ReloadReply, ReloadRequest,
-    RestartReply, RestartRequest, SwapReply, SwapRequest,
+    RestartReply, RestartRequest, SaveReply, SaveRequest, SwapReply, SwapRequest,
 };
 use sg_runtime::actor::{Mailbox, Reply};
 use sg_runtime::bus::{Bus, BusError, ServerHandle};
+use sg_runtime::context::Context;
 use sg_runtime::metrics;
 use tokio::sync::Notify;
 
@@ -25,6 +26,8 @@ pub(super) enum Request {
     /// With its sender, as its certificate proves.
     Join(JoinRequest, Option<Identity>, Reply<JoinReply>),
     Open(OpenRequest, Reply<OpenReply>),
+    /// With its deadline.
+    Save(SaveRequest, Context, Reply<SaveReply>),
 }
 
 /// A handle that stops the supervisor, for the same process. Cheap to clone.
@@ -69,6 +72,7 @@ pub(super) async fn serve(
         })
         .await?,
         bus.route(&keys::OPEN, CAPACITY, mailbox, |request, _, reply| Request::Open(request, reply)).await?,
+        bus.route(&keys::SAVE, CAPACITY, mailbox, Request::Save).await?,
         down.await?,
         metrics.await?,
     ])

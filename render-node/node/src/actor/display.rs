@@ -65,7 +65,9 @@ pub(super) async fn open(
     let Backend { writer, requests } = service;
     let (opened_sender, opened_receiver) = oneshot::channel();
     let run_dir = host.run_dir().to_owned();
-    let setup = DisplaySetup { scene: Arc::new(scene), view_port, params: params.clone(), run_dir, opened_sender };
+    let scratch = host.blobs().folder().to_owned();
+    let setup =
+        DisplaySetup { scene: Arc::new(scene), view_port, params: params.clone(), run_dir, scratch, opened_sender };
     let (ended, thread) = run(host.clone(), setup, &writer)?;
     let OpenDisplay { display, blocked_call } = tokio::select! {
         opened = opened_receiver => match opened {
@@ -95,6 +97,8 @@ struct DisplaySetup {
     params: Params,
     /// Folder of the session.
     run_dir: PathBuf,
+    /// Folder of this process for pictures.
+    scratch: PathBuf,
     /// Receives the opened display.
     opened_sender: oneshot::Sender<OpenDisplay>,
 }
@@ -227,8 +231,12 @@ fn run_headset(_: DisplaySetup, headset: std::convert::Infallible) -> Result<(),
 }
 
 fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
-    let DisplaySetup { scene, mut view_port, params, opened_sender, .. } = setup;
-    let named = params.title.clone().unwrap_or_else(|| last_parts(&view_port.newest().scene.geometry().path));
+    let DisplaySetup { scene, mut view_port, params, scratch, opened_sender, .. } = setup;
+    // A scene file has the name of all of its kind.
+    let of_file = params.file.as_deref().and_then(Path::file_name).filter(|name| *name != "scene.toml");
+    let of_file = of_file.map(|name| name.to_string_lossy().into_owned());
+    let named = params.title.clone().or(of_file);
+    let named = named.unwrap_or_else(|| last_parts(&view_port.newest().scene.geometry().path));
     let title = format!("{named} - Super-Gaussian");
     let open = || Engine::new(Scene::clone(&scene), params.backend, params.rasterizer);
     let engine = window::at_low_priority(open)
@@ -244,6 +252,8 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
         copies: params.copies,
         settings: Settings::default_path(),
         pictures: params.pictures.unwrap_or_else(pictures),
+        file: params.file,
+        scratch: Some(scratch),
         opened: Box::new(move || {
             let _ = opened_sender.send(OpenDisplay { display: Display::Window, blocked_call: Box::new(|| None) });
         }),

@@ -74,7 +74,9 @@ pub(super) struct Params {
     pub(super) highlight_color: [f32; 3],
     /// Share of that colour, 0 to 1. By default 0.25 in a window, where a contour shows the selection too, and 0.6 elsewhere.
     pub(super) highlight_mix: Option<f32>,
-    /// What a window's title names; by default the last two parts of the scene's path.
+    /// The file that a person has opened, absolute. Its window has it among its recent files, and suggests its folder.
+    pub(super) file: Option<PathBuf>,
+    /// What a window's title names; by default the name of the opened file, else the last two parts of the scene's path.
     pub(super) title: Option<String>,
 }
 
@@ -131,6 +133,7 @@ impl Default for Params {
             // Okabe and Ito's sky blue: distinct from most palettes with every kind of colour vision.
             highlight_color: [0.337, 0.706, 0.914],
             highlight_mix: None,
+            file: None,
             title: None,
         }
     }

@@ -9,7 +9,8 @@ use std::time::Duration;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
-use sg_proto::launch::{OpenReply, OpenRequest};
+use sg_proto::launch::save_request::Content;
+use sg_proto::launch::{OpenReply, OpenRequest, SaveReply, SaveRequest};
 use sg_proto::scene::{Command, WalkTuning, command};
 use sg_proto::selection::{ProposalsRequest, SampleReply, SampleRequest, StrokesRequest, TuneReply, TuneRequest};
 use sg_runtime::bus::Bus;
@@ -29,6 +30,12 @@ const SAMPLE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Timeout for the supervisor to begin to open a scene.
 const OPEN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Timeout of a saved file: the Gaussians of a large scene are read and written anew.
+const SAVE_TIMEOUT: Duration = Duration::from_secs(600);
+
+/// Time after which a person is told that a file is still being saved.
+const SAVE_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Timeout for the agents' answer.
 const AGENT_TIMEOUT: Duration = Duration::from_secs(120);
@@ -89,6 +96,7 @@ impl RequestExecutor {
                 Ok(reply) => writer.notice(opens(&path, &reply), false),
                 Err(fault) => report_failure(writer, Err(fault)),
             },
+            Request::Save(request) => save(bus, writer, *request),
             Request::Withdraw => {
                 if let Some(id) = utterance_id.take() {
                     let outcome = bus.cancel(role::AGENT_CORE, &id).await;
@@ -190,6 +198,53 @@ fn opens(path: &Path, reply: &OpenReply) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str()).display();
     let first = if reply.volume { "as soon as Gaussians are made of it, " } else { "" };
     format!("{name}: {first}a window of its own opens (session {})", reply.session)
+}
+
+/// Saves a file, asynchronously. The picture that it is made of goes afterwards.
+fn save(bus: &Bus, writer: &StateWriter, request: SaveRequest) {
+    let (bus, writer) = (bus.clone(), writer.clone());
+    tokio::spawn(async move {
+        let context = Context::root().deadline_in(SAVE_TIMEOUT);
+        let mut saving = std::pin::pin!(bus.ask(&keys::SAVE, &request, &context));
+        let saved = match tokio::time::timeout(SAVE_PATIENCE, &mut saving).await {
+            Ok(saved) => saved,
+            Err(_) => {
+                writer.notice(format!("Saving {}…", short(Path::new(&request.path))), false);
+                saving.await
+            }
+        };
+        if let Some(Content::Picture(picture)) = &request.content {
+            // Left over, it only takes room until the end of the process.
+            let _ = std::fs::remove_file(&picture.path);
+        }
+        match saved {
+            Ok(reply) => writer.notice(saved_line(&request, &reply), false),
+            Err(fault) => report_failure(&writer, Err(fault)),
+        }
+    });
+}
+
+/// The notice for a saved file.
+fn saved_line(request: &SaveRequest, reply: &SaveReply) -> String {
+    let path = short(Path::new(&request.path));
+    match &request.content {
+        Some(Content::Gaussians(_)) => {
+            let count = usize::try_from(reply.gaussians).unwrap_or(usize::MAX);
+            format!("Saved {} splats to {path}", sg_edit::grouped(count))
+        }
+        Some(Content::Project(_)) => format!("Saved a copy of the project to {path}"),
+        Some(Content::Picture(_)) => format!("Saved the picture to {path}"),
+        None => format!("Saved {path}"),
+    }
+}
+
+/// A path for people: `~` stands for the home folder.
+fn short(path: &Path) -> String {
+    let home = std::env::home_dir().filter(|home| home.parent().is_some());
+    match home.and_then(|home| path.strip_prefix(home).ok().map(Path::to_owned)) {
+        Some(rest) => format!("~/{}", rest.display()),
+        None => path.display().to_string(),
+    }
 }
 
 /// Sends an utterance to the agents, asynchronously; returns the id that can withdraw it.

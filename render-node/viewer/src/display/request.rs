@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use sg_proto::launch::SaveRequest;
 use sg_proto::scene::{WalkTuning, command};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 
@@ -26,6 +27,8 @@ pub enum Request {
     Withdraw,
     /// Opens a scene or volume in a window of its own.
     Open(PathBuf),
+    /// Writes a file under a name that the person has chosen. The picture of such a request is removed afterwards.
+    Save(Box<SaveRequest>),
 }
 
 impl Request {

@@ -163,6 +163,8 @@ pub struct Tools {
     pub gradient: bool,
     /// Whether a window's pictures have ambient occlusion.
     pub occlusion: bool,
+    /// Whether a window shows the ground grid and the box of what is visible.
+    pub grid: bool,
     /// Whether panels are light rather than dark.
     pub light_panels: bool,
     /// Size of everything in panels, 1 for the usual.
@@ -219,6 +221,7 @@ impl Default for Tools {
             foveation: None,
             gradient: true,
             occlusion: false,
+            grid: false,
             light_panels: false,
             scale: 1.0,
             left_handed: false,

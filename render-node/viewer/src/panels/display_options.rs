@@ -46,6 +46,10 @@ impl Panels {
                 offer(ui, tools, attribute.name(), DisplayMode::Attribute(attribute));
             }
         });
+        if self.host == PanelHost::Window {
+            let does = "a grid on the ground and the box of what is visible (Shift+G)";
+            ui.add(Checkbox::new(&mut tools.grid, "grid and box")).on_hover_text(does);
+        }
         if let (DisplayMode::Attribute(attribute), Some(numbers)) = (tools.display_mode, &self.numbers) {
             ui.label(attribute.name());
             color_numbers(ui, numbers);

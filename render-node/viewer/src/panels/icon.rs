@@ -22,6 +22,12 @@ pub(crate) enum Icon {
     Brush,
     /// A rectangle with marked corners.
     Rectangle,
+    /// A polygon with marked corners.
+    Polygon,
+    /// A ball with its equator.
+    Sphere,
+    /// A cube seen obliquely.
+    Cube,
     /// A whole outline with its filled middle.
     Region,
     /// One of four patches.
@@ -79,6 +85,22 @@ fn lines(icon: Icon) -> Option<Lines> {
         Icon::Rectangle => (
             &[&[(-0.8, -0.6), (0.8, -0.6), (0.8, 0.6), (-0.8, 0.6), (-0.8, -0.6)]],
             &[(-0.8, -0.6, 0.18, true), (0.8, 0.6, 0.18, true)],
+        ),
+        Icon::Polygon => (
+            &[&[(-0.85, 0.1), (-0.1, -0.8), (0.85, -0.3), (0.5, 0.75), (-0.5, 0.75), (-0.85, 0.1)]],
+            &[(-0.85, 0.1, 0.18, true), (0.85, -0.3, 0.18, true), (-0.1, -0.8, 0.18, true)],
+        ),
+        Icon::Sphere => (
+            &[&[(-0.85, 0.0), (-0.6, 0.2), (-0.2, 0.3), (0.2, 0.3), (0.6, 0.2), (0.85, 0.0)]],
+            &[(0.0, 0.0, 0.85, false)],
+        ),
+        Icon::Cube => (
+            &[
+                &[(-0.8, -0.3), (0.3, -0.3), (0.3, 0.8), (-0.8, 0.8), (-0.8, -0.3)],
+                &[(-0.8, -0.3), (-0.3, -0.8), (0.8, -0.8), (0.3, -0.3)],
+                &[(0.8, -0.8), (0.8, 0.3), (0.3, 0.8)],
+            ],
+            &[],
         ),
         Icon::Region => (&[], &[(0.0, 0.0, 0.9, false), (0.0, 0.0, 0.45, true)]),
         Icon::Patch => (

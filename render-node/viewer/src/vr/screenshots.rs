@@ -10,7 +10,7 @@ use sg_scene::model::Scene;
 use crate::display::{NOTICES, Notice};
 use crate::hands::{Eye, Fov, Placement, Pose};
 use crate::window;
-use crate::window::exporter::{ExportJob, Exporter};
+use crate::window::exporter::{ExportJob, ExportResult, Exporter};
 use sg_raster::finish::Finish;
 
 /// Width and height of a picture, pixels.
@@ -90,7 +90,10 @@ impl Screenshots {
     /// The services' lines, and those about finished pictures behind them. The same list as before without a change.
     pub(super) fn with_notices(&mut self, notices: &Arc<[Notice]>) -> Arc<[Notice]> {
         if let Some(outcome) = self.exporter.as_ref().and_then(Exporter::take_result) {
-            self.tell(outcome);
+            self.tell(outcome.map(|done| match done {
+                ExportResult::Saved(line) => line,
+                ExportResult::Drawn { path, .. } => format!("drew {}", path.display()),
+            }));
         }
         if self.lines.is_empty() {
             return Arc::clone(notices);

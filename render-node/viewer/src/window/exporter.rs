@@ -1,20 +1,17 @@
 //! Exports pictures: a single one, or a turn around the scene as numbered files. With `ffmpeg`, a turn also becomes a
-//! video. Drawing happens beside the loop at the best quality. Exports Gaussians with their edits, too.
+//! video. Drawing happens beside the loop at the best quality.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use glam::Vec3;
-use sg_edit::{EditState, Part};
-use sg_formats::{SaveOptions, joined_format, save};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
 use super::navigation::Navigator;
 use crate::display::LatestWorker;
-use crate::display::number_format::count;
 use crate::video::{self, VIDEO_TIMEOUT};
 use sg_raster::finish::Finish;
 use sg_raster::image::Image;
@@ -29,21 +26,50 @@ const RATE: u32 = 30;
 /// Longest edge of a picture of a turn, pixels.
 const TURN_EDGE: f64 = 1280.0;
 
-/// A picture, a turn or Gaussians to export.
+/// A picture or a turn to export.
 #[derive(Debug, Clone)]
 pub(crate) enum ExportJob {
     /// One picture with this camera and last step.
     Picture(Box<Camera>, Appearance, Finish),
     /// A turn about the target of an eye, of pictures of this shape and last step.
     Turn(Navigator, [u32; 2], Appearance, Finish),
-    /// Gaussians with their edits: the selected ones, else the visible ones.
-    Splats(Arc<EditState>),
+    /// One picture into a folder of the session, on its way to a name that a person has chosen.
+    NamedPicture {
+        /// The camera.
+        camera: Box<Camera>,
+        /// What it sees.
+        appearance: Appearance,
+        /// The last step.
+        finish: Finish,
+        /// The folder of the session.
+        folder: PathBuf,
+        /// The chosen name.
+        path: PathBuf,
+        /// Whether a file of that name is replaced.
+        replace: bool,
+    },
+}
+
+/// A finished export.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum ExportResult {
+    /// A line for a person, with the path.
+    Saved(String),
+    /// A picture that is drawn and has to get its name.
+    Drawn {
+        /// Its file in the session's folder.
+        picture: PathBuf,
+        /// The chosen name.
+        path: PathBuf,
+        /// Whether a file of that name is replaced.
+        replace: bool,
+    },
 }
 
 /// Keeps pictures.
 #[derive(Debug)]
 pub(crate) struct Exporter {
-    worker: LatestWorker<(ExportJob, Arc<AtomicBool>), Result<String, String>>,
+    worker: LatestWorker<(ExportJob, Arc<AtomicBool>), Result<ExportResult, String>>,
     /// Finished pictures of the current turn, and their total.
     done: Arc<AtomicU32>,
     /// Pictures that are in its video.
@@ -72,10 +98,12 @@ impl Exporter {
         let work = move |(job, stop): (ExportJob, Arc<AtomicBool>)| {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
-                Exported::Picture(path) => format!("saved {}", path.display()),
-                Exported::Splats(path, n) => format!("saved {} Gaussians as {}", count(n), path.display()),
-                Exported::Turn(turn) => film(&turn, &pool, (&in_video, &stop)),
-                Exported::Cancelled(turn, n) => format!("turntable cancelled; {n} pictures are in {}", turn.display()),
+                Exported::Picture(path) => ExportResult::Saved(format!("saved {}", path.display())),
+                Exported::Drawn { picture, path, replace } => ExportResult::Drawn { picture, path, replace },
+                Exported::Turn(turn) => ExportResult::Saved(film(&turn, &pool, (&in_video, &stop))),
+                Exported::Cancelled(turn, n) => {
+                    ExportResult::Saved(format!("turntable cancelled; {n} pictures are in {}", turn.display()))
+                }
             });
             counted.store(0, Ordering::Relaxed);
             in_video.store(0, Ordering::Relaxed);
@@ -101,8 +129,8 @@ impl Exporter {
         }
     }
 
-    /// Result of the export with its path, or its error: a line for a person, returned once.
-    pub(crate) fn take_result(&self) -> Option<Result<String, String>> {
+    /// Result of the export, or its error as a line for a person; returned once.
+    pub(crate) fn take_result(&self) -> Option<Result<ExportResult, String>> {
         self.worker.take()
     }
 
@@ -120,8 +148,12 @@ impl Exporter {
 /// The exported files.
 enum Exported {
     Picture(PathBuf),
-    /// A file of this many Gaussians.
-    Splats(PathBuf, usize),
+    /// A picture on its way to its name.
+    Drawn {
+        picture: PathBuf,
+        path: PathBuf,
+        replace: bool,
+    },
     /// The folder of a turn's pictures.
     Turn(PathBuf),
     /// The folder of a cancelled turn, and the number of its pictures.
@@ -173,17 +205,12 @@ fn exported(
             }
             Ok(Exported::Turn(turn))
         }
-        ExportJob::Splats(state) => splats(scene, folder, &state),
+        ExportJob::NamedPicture { camera, appearance, finish, folder, path, replace } => {
+            let picture = free(&folder, "named", "png");
+            write(&self::picture(scene, &appearance, &camera)?, &picture, appearance.background, &finish)?;
+            Ok(Exported::Drawn { picture, path, replace })
+        }
     }
-}
-
-fn splats(scene: &Scene, folder: &Path, state: &EditState) -> Result<Exported, String> {
-    let part = if state.selection().mask().is_none() { Part::Visible } else { Part::Selection };
-    let edited = state.part(part).and_then(|members| state.edited(scene, &members)).map_err(|e| e.to_string())?;
-    let path = free(folder, "splats", "ply");
-    let options = SaveOptions { format: joined_format(&path, &edited), ..SaveOptions::default() };
-    save(&path, &edited, &options).map_err(|e| e.to_string())?;
-    Ok(Exported::Splats(path, edited.len()))
 }
 
 fn picture(scene: &Scene, look: &Appearance, camera: &Camera) -> Result<Image, String> {

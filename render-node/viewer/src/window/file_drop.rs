@@ -1,4 +1,4 @@
-//! Files dropped on a window.
+//! Files dropped on a window, or chosen in its file menu.
 
 use std::path::Path;
 
@@ -9,12 +9,15 @@ use sg_scene::camera::Camera;
 use sg_scene::view::View;
 use sg_volume::ENDINGS;
 
+/// Ending of a project's file.
+pub(super) const PROJECT: &str = ".sgproj";
+
 /// Kinds of dropped files.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum DroppedFile {
     /// A camera, and the view that it has.
     View(View),
-    /// Another scene or a volume, as far as its name says.
+    /// Another scene, a project or a volume, as far as its name says.
     Other,
 }
 
@@ -29,6 +32,9 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
         camera.check(&path.display().to_string()).map_err(|e| e.to_string())?;
         return Ok(DroppedFile::View(seen_by(&camera, target)));
     }
+    if name.ends_with(PROJECT) {
+        return Ok(DroppedFile::Other);
+    }
     let is_volume = ENDINGS.into_iter().any(|ending| name.ends_with(ending));
     let is_scene = Format::is_scene_path(path);
     // A folder without a scene file may hold the slices of another format.
@@ -40,7 +46,7 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
         return Ok(DroppedFile::Other);
     }
     Err(format!(
-        "{}: drop a scene ({}, or a folder of iVR-GS), a volume ({}) or a camera (.json)",
+        "{}: give a scene ({}, or a folder of iVR-GS), a project ({PROJECT}), a volume ({}) or a camera (.json)",
         path.display(),
         Format::all_extensions().join(", "),
         ENDINGS.join(", ")
@@ -82,6 +88,7 @@ mod tests {
             "a.compressed.PLY",
             "skull/scene.toml",
             "a.splat",
+            "heart-copy.sgproj",
             "skull.nrrd",
             "brain.nii.gz",
             "tooth_103x94x161_uint8.raw.zst",

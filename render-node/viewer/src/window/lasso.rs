@@ -52,7 +52,8 @@ impl SceneView {
         }
     }
 
-    fn select_within(&self, rect: Rect, lasso: &[Pos2], sign: BrushSign, tools: &Tools) -> Request {
+    /// The request that selects within a polygon of the picture, with *in front* to the lasso depth.
+    pub(super) fn select_within(&self, rect: Rect, lasso: &[Pos2], sign: BrushSign, tools: &Tools) -> Request {
         let camera = self.camera(rect);
         let corners: Vec<DVec2> =
             lasso.iter().map(|p| *p - rect.min).map(|v| DVec2::new(v.x.into(), v.y.into())).collect();

@@ -8,20 +8,29 @@ mod contour;
 mod drawing;
 mod error;
 pub(crate) mod exporter;
+mod file_dialog;
 mod file_drop;
+mod file_menu;
+mod grid;
 mod hints;
 mod image_texture;
 mod lasso;
+mod native_dialog;
 mod navigation;
 mod occlusion;
 mod orientation_cube;
 mod overlay;
+mod polygon;
+mod recent_files;
 mod scale_bar;
+mod scene_lines;
 mod scene_view;
 mod settings;
+mod shape_tool;
 mod shared_texture;
 mod shortcuts;
 mod surface;
+mod tool_card;
 mod toolbar;
 mod window_ui;
 
@@ -45,6 +54,7 @@ use sg_raster::render::Quality;
 
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
+pub use file_menu::WindowFiles;
 pub use hints::Hint;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
@@ -52,6 +62,7 @@ pub use settings::{Settings, SettingsError};
 pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
 pub use window_ui::WindowUi;
 
+use native_dialog::NativeDialogs;
 use surface::{PresentResult, WindowSurface};
 
 /// Share of the highlight's colour beside a contour: what is selected keeps its own colours.
@@ -89,6 +100,10 @@ pub struct Setup {
     pub settings: Option<PathBuf>,
     /// Folder of kept pictures.
     pub pictures: PathBuf,
+    /// The file that the person has opened; absent for a scene that a launch file names.
+    pub file: Option<PathBuf>,
+    /// Folder of the session for pictures on their way to a chosen name.
+    pub scratch: Option<PathBuf>,
     /// Called once the window is open.
     pub opened: Box<dyn FnOnce() + Send>,
 }
@@ -143,11 +158,31 @@ struct OpenWindow {
     occluded: bool,
     /// Whether a frame was due while it was hidden.
     missed: bool,
+    /// Whether its frame was compared with the monitor.
+    fitted: bool,
 }
 
 impl OpenWindow {
     fn new(event_loop: &ActiveEventLoop, setup: Setup, wake: &EventLoopProxy<()>) -> Result<Self, WindowError> {
-        let Setup { scene, engine, view_port, title, tools, quality, copies, settings, pictures, opened } = setup;
+        let Setup {
+            scene,
+            engine,
+            view_port,
+            title,
+            tools,
+            quality,
+            copies,
+            settings,
+            pictures,
+            file,
+            scratch,
+            opened,
+        } = setup;
+        if let (Some(settings), Some(file)) = (&settings, &file)
+            && let Err(why) = recent_files::remember(settings, file)
+        {
+            tracing::warn!("the file is not kept among the recent ones: {why}");
+        }
         let read = settings.as_deref().map_or(Ok(None), Settings::load).unwrap_or_else(|why| {
             tracing::warn!("the window's layout is as it is at first: {why}");
             None
@@ -168,7 +203,12 @@ impl OpenWindow {
             // A loop that has ended needs no waking.
             let _ = wake.send_event(());
         };
-        let window_ui = WindowUi::new(scene, engine, (view_port, tools), pictures, &loaded, waker)?;
+        let files = WindowFiles { opened: file, scratch, settings: settings.clone() };
+        let window_ui = WindowUi::new(scene, engine, (view_port, tools), pictures, &loaded, waker.clone())?;
+        let mut window_ui = window_ui.with_files(files);
+        if loaded.native_dialogs {
+            window_ui.file_menu.dialogs.use_native(NativeDialogs::new(Arc::clone(&window), Arc::new(waker)));
+        }
         let input = fresh_input(&window, None);
         let (before, due) = ((loaded, quality), Some(Instant::now()));
         let mut this = Self {
@@ -184,6 +224,7 @@ impl OpenWindow {
             due,
             occluded: false,
             missed: false,
+            fitted: false,
         };
         this.open_surface()?;
         opened();
@@ -246,7 +287,10 @@ impl OpenWindow {
             surface.take(&picture);
         }
         match surface.paint(&primitives, output.textures_delta, output.pixels_per_point) {
-            PresentResult::Shown => self.losses = 0,
+            PresentResult::Shown => {
+                self.losses = 0;
+                self.fit_to_monitor();
+            }
             // Nothing else may wake a window at rest, and its content has changed.
             PresentResult::Passed => self.due = Instant::now().checked_add(RETRY_PERIOD),
             PresentResult::Lost if self.losses >= MOST_LOSSES => {
@@ -259,6 +303,25 @@ impl OpenWindow {
             }
         }
         Ok(())
+    }
+
+    /// Makes a window smaller whose frame is larger than its monitor, once. Only a shown window has the frame that its window
+    /// manager gives it.
+    fn fit_to_monitor(&mut self) {
+        if std::mem::replace(&mut self.fitted, true) || self.window.is_maximized() {
+            return;
+        }
+        let Some(monitor) = self.window.current_monitor() else { return };
+        let (inner, outer, most) = (self.window.inner_size(), self.window.outer_size(), monitor.size());
+        let fitting = |inner: u32, outer: u32, most: u32| inner.saturating_sub(outer.saturating_sub(most)).max(1);
+        let size = PhysicalSize::new(
+            fitting(inner.width, outer.width, most.width),
+            fitting(inner.height, outer.height, most.height),
+        );
+        if size != inner {
+            // The window's event of a new size follows, at once or later.
+            let _ = self.window.request_inner_size(size);
+        }
     }
 
     /// Whether nothing of the window is on the screen: it is covered or minimised.
@@ -287,6 +350,9 @@ impl OpenWindow {
             width: size.width,
             height: size.height,
             maximized: self.window.is_maximized(),
+            // Other windows may have opened files meanwhile.
+            recent: recent_files::stored(path),
+            native_dialogs: self.before.0.native_dialogs,
             ..self.window_ui.settings()
         };
         let settings = settings.without_override(&self.before.0, self.before.1);

@@ -47,8 +47,8 @@ impl OcclusionWorker {
     }
 }
 
-/// What occlusion depends on: opacities, what is hidden, clips.
-fn visible_parts(appearance: &Appearance) -> Appearance {
+/// What occlusion depends on, and the box of what is visible: opacities, what is hidden, clips.
+pub(super) fn visible_parts(appearance: &Appearance) -> Appearance {
     let mut parts = Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() };
     (parts.light, parts.term, parts.background) = (Light::default(), ShadingTerm::Full, glam::Vec3::ZERO);
     for base in &mut parts.base {

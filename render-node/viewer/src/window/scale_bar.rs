@@ -1,6 +1,6 @@
 //! The scale bar in the corner of a window's picture: a round length at the depth of the target.
 
-use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Ui, Vec2};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui, Vec2};
 use sg_scene::orientation::LengthUnit;
 
 use super::scene_view::SceneView;
@@ -16,7 +16,8 @@ const SHARE: f32 = 0.3;
 const INSET: Vec2 = Vec2::new(18.0, 20.0);
 
 /// Units of labels: the least length in millimetres that each names, its millimetres and its symbol.
-const LABELS: [(f64, f64, &str); 4] = [(1e3, 1e3, "m"), (1.0, 1.0, "mm"), (1e-3, 1e-3, "µm"), (0.0, 1e-6, "nm")];
+pub(super) const LABELS: [(f64, f64, &str); 4] =
+    [(1e3, 1e3, "m"), (1.0, 1.0, "mm"), (1e-3, 1e-3, "µm"), (0.0, 1e-6, "nm")];
 
 /// A length and its label.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,12 +36,28 @@ fn bar(points_per_unit: f64, unit: LengthUnit, longest: f64) -> Option<Bar> {
     if !(points_per_mm > 0.0 && (1e-9..1e9).contains(&most)) {
         return None;
     }
+    let length = round_length(most)?;
+    let (_, of, symbol) = LABELS.into_iter().find(|(least, ..)| length >= least * (1.0 - 1e-9))?;
+    Some(Bar { points: length * points_per_mm, label: format!("{} {symbol}", number(length / of)) })
+}
+
+/// The greatest length of 1, 2 or 5 times a power of ten that is at most `most`. `None` for what is no length.
+pub(super) fn round_length(most: f64) -> Option<f64> {
+    if !(most.is_normal() && most > 0.0) {
+        return None;
+    }
     let exponent = most.log10().floor() as i32;
     // A bound just below a power of ten can round to it or fall short of it, so the neighbours are tried as well.
     let round = [exponent + 1, exponent, exponent - 1].into_iter().flat_map(|e| [5.0, 2.0, 1.0].map(|x| (x, e)));
-    let length = round.map(|(x, e)| x * 10_f64.powi(e)).find(|length| *length <= most * (1.0 + 1e-9))?;
-    let (_, of, symbol) = LABELS.into_iter().find(|(least, ..)| length >= least * (1.0 - 1e-9))?;
-    Some(Bar { points: length * points_per_mm, label: format!("{} {symbol}", number(length / of)) })
+    round.map(|(x, e)| x * 10_f64.powi(e)).find(|length| *length <= most * (1.0 + 1e-9))
+}
+
+/// Text with a dark rim: legible on every picture.
+pub(super) fn outlined_text(painter: &Painter, at: Pos2, anchor: Align2, text: &str, font: &FontId) {
+    for offset in [Vec2::new(1.0, 1.0), Vec2::new(-1.0, 1.0), Vec2::new(1.0, -1.0), Vec2::new(-1.0, -1.0)] {
+        painter.text(at + offset, anchor, text, font.clone(), Color32::from_black_alpha(170));
+    }
+    painter.text(at, anchor, text, font.clone(), Color32::WHITE);
 }
 
 /// A number of 1, 2 or 5 times a power of ten, without rounding errors.
@@ -68,11 +85,7 @@ impl SceneView {
             painter.line_segment([end - tick, end + tick], stroke);
         }
         let above = Pos2::new(start.x + 0.5 * points as f32, start.y - 1.5 * tick.y);
-        let font = FontId::proportional(14.0 * scale);
-        for offset in [Vec2::new(1.0, 1.0), Vec2::new(-1.0, 1.0), Vec2::new(1.0, -1.0), Vec2::new(-1.0, -1.0)] {
-            painter.text(above + offset, Align2::CENTER_BOTTOM, &label, font.clone(), Color32::from_black_alpha(170));
-        }
-        painter.text(above, Align2::CENTER_BOTTOM, &label, font, Color32::WHITE);
+        outlined_text(&painter, above, Align2::CENTER_BOTTOM, &label, &FontId::proportional(14.0 * scale));
     }
 }
 

@@ -16,9 +16,12 @@ use sg_scene::view::View;
 use super::contour::Contour;
 use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
+use super::grid::GroundGrid;
 use super::image_texture::show_image;
 use super::navigation::{NavigationMode, Navigator};
 use super::occlusion::OcclusionWorker;
+use super::polygon::Polygon;
+use super::shape_tool::ShapeTool;
 use crate::display::{
     AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
     ViewState,
@@ -42,11 +45,18 @@ pub enum MouseTool {
     Lasso,
     /// It draws a rectangle around it.
     Rectangle,
+    /// Sets the corners of a polygon.
+    Polygon,
+    /// Draws a sphere about a place of the surface.
+    Sphere,
+    /// Draws a box about a place of the surface.
+    Box,
 }
 
 impl MouseTool {
     /// All, in the order of the toolbar.
-    pub const ALL: [Self; 4] = [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle];
+    pub const ALL: [Self; 7] =
+        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box];
 
     /// Name in the window.
     #[must_use]
@@ -56,6 +66,9 @@ impl MouseTool {
             Self::Brush => "brush",
             Self::Lasso => "lasso",
             Self::Rectangle => "rectangle",
+            Self::Polygon => "polygon",
+            Self::Sphere => "sphere",
+            Self::Box => "box",
         }
     }
 
@@ -66,6 +79,9 @@ impl MouseTool {
             Self::Brush => Icon::Brush,
             Self::Lasso => Icon::Lasso,
             Self::Rectangle => Icon::Rectangle,
+            Self::Polygon => Icon::Polygon,
+            Self::Sphere => Icon::Sphere,
+            Self::Box => Icon::Cube,
         }
     }
 
@@ -77,6 +93,9 @@ impl MouseTool {
             Self::Brush => "A drag selects what it brushes over; with Shift it takes away. (B)",
             Self::Lasso => "A drag selects what it encircles; with Shift it takes away. (L)",
             Self::Rectangle => "A drag selects what is inside the rectangle; with Shift it takes away. (R)",
+            Self::Polygon => "Clicks set corners, Enter selects what is inside; with Shift it takes away. (J)",
+            Self::Sphere => "A drag from a surface selects what is in the sphere; with Shift it takes away. (O)",
+            Self::Box => "A drag from a surface selects what is in the box; with Shift it takes away. (C)",
         }
     }
 }
@@ -146,7 +165,7 @@ pub(super) struct SceneView {
     front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
     /// Number of `front`: it counts up with each one found.
-    front_number: u64,
+    pub(super) front_number: u64,
     contour: Contour,
     requested_front: Option<(Camera, Appearance)>,
     /// The newest picture, where it came through memory.
@@ -167,6 +186,9 @@ pub(super) struct SceneView {
     settled: bool,
     adaptive_quality: AdaptiveQuality,
     pub(super) lasso: Vec<Pos2>,
+    pub(super) polygon: Polygon,
+    pub(super) shape_tool: ShapeTool,
+    pub(super) ground_grid: GroundGrid,
     /// Notches of the wheel for the last walk.
     pub(super) notches: f64,
     /// Modifiers of the last turn of the wheel.
@@ -207,6 +229,8 @@ impl SceneView {
             occlusion_worker: OcclusionWorker::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone())
                 .map_err(threads)?,
             picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
+            ground_grid: GroundGrid::new(Arc::clone(&scene), wake.clone()).map_err(threads)?,
+            shape_tool: ShapeTool::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone()).map_err(threads)?,
             front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
             scene,
             front: None,
@@ -224,6 +248,7 @@ impl SceneView {
             settled: false,
             adaptive_quality: AdaptiveQuality::new(BUDGET),
             lasso: Vec::new(),
+            polygon: Polygon::default(),
             notches: 0.0,
             wheel: egui::Modifiers::NONE,
             hover: None,
@@ -241,6 +266,8 @@ impl SceneView {
         self.settled
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
+            && self.shape_tool.is_idle()
+            && self.ground_grid.is_idle()
     }
 
     /// Shows the scene's `first` view at the shape of `rect` for as long as the eye stays there, and frames it anew when the
@@ -306,17 +333,22 @@ impl SceneView {
         self.on_device.take()
     }
 
-    /// Gives up a stroke or a lasso.
+    /// Gives up a stroke, a lasso, a polygon or a shape.
     pub(super) fn abandon(&mut self) {
         self.brush_controller.abandon();
         self.lasso.clear();
+        self.polygon.clear();
+        self.shape_tool.clear();
     }
 
-    /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here.
+    /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here or of a shape.
     pub(super) fn highlighted(&self, state: &ViewState, tools: &Tools) -> Arc<Mask> {
         let clusters = state.clusters.as_deref();
         if self.brush_controller.is_drawing() {
             return self.brush_controller.selects(&state.selected, clusters);
+        }
+        if let Some(selected) = self.shape_tool.would_select(&state.selected) {
+            return selected;
         }
         match self.hover.filter(|_| state.services.selection) {
             Some((sample, sign)) => {
@@ -366,12 +398,24 @@ impl SceneView {
         }
         let sign = if shift { BrushSign::Remove } else { BrushSign::Add };
         let mut requests = Vec::new();
+        if self.mouse_tool != MouseTool::Brush {
+            self.hover = None;
+        }
+        if self.mouse_tool != MouseTool::Polygon {
+            self.polygon.clear();
+        }
+        if !matches!(self.mouse_tool, MouseTool::Sphere | MouseTool::Box) {
+            self.shape_tool.clear();
+        }
         match self.mouse_tool {
-            MouseTool::Navigate => self.hover = None,
+            MouseTool::Navigate => (),
             MouseTool::Brush => self.brush(ui, &response, alt, sign, tools, state, &mut requests),
             MouseTool::Lasso | MouseTool::Rectangle => {
-                self.hover = None;
                 self.draw_around(&response, alt, sign, (state, tools), &mut requests);
+            }
+            MouseTool::Polygon => self.draw_polygon(ui, &response, alt, sign, (state, tools), &mut requests),
+            MouseTool::Sphere | MouseTool::Box => {
+                self.draw_shape(ui, &response, alt, sign, (state, tools), &mut requests);
             }
         }
         if response.double_clicked()
@@ -442,7 +486,7 @@ impl SceneView {
     }
 
     /// Surface point in front at a position of the window.
-    fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
+    pub(super) fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
         let place = at - rect.min;
         Some(front.at(&self.scene, DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
@@ -523,9 +567,11 @@ impl SceneView {
             let placed = placed(rect, self.picture_size);
             ui.painter().with_clip_rect(rect).image(picture, placed, whole, Color32::WHITE);
         }
+        self.show_grid(ui, rect, appearance, state, tools);
         self.draw_contour(ui, rect, appearance);
         self.draw_markers(ui, rect, state);
         self.draw_brush_ring(ui, rect, tools);
+        self.show_polygon(ui, rect);
     }
 
     /// Draws the contour of the highlight, where the surface in front is known.

@@ -9,6 +9,7 @@ use sg_input::{file, limits};
 
 use super::hints::Hint;
 use super::navigation::NavigationMode;
+use super::recent_files;
 use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
@@ -49,11 +50,17 @@ pub struct Settings {
     pub occlusion: bool,
     /// Hints that a person has dismissed, or has no need of any more.
     pub hints_done: Vec<Hint>,
+    /// The files that were opened last, newest first.
+    pub recent: Vec<PathBuf>,
+    /// Whether the desktop's file dialogs are used where it has some.
+    pub native_dialogs: bool,
+    /// Whether the ground grid and the box of what is visible are shown.
+    pub grid: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } =
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
             Tools::default();
         Self {
             width: 1440.0,
@@ -71,6 +78,9 @@ impl Default for Settings {
             gradient,
             occlusion,
             hints_done: Vec::new(),
+            recent: Vec::new(),
+            native_dialogs: true,
+            grid,
         }
     }
 }
@@ -152,9 +162,20 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, .. } = *self;
+        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, grid, .. } = *self;
         let quality = given.unwrap_or(self.quality);
-        *tools = Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, ..tools.clone() };
+        *tools = Tools {
+            mode,
+            radius,
+            front_only,
+            quality,
+            light_panels,
+            scale,
+            gradient,
+            occlusion,
+            grid,
+            ..tools.clone()
+        };
     }
 
     /// The settings to save after a run that began with `before`. A quality given for that run alone, and not changed
@@ -173,6 +194,8 @@ impl Settings {
         self.height = within(self.height, 240.0, 16_384.0, first.height);
         self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
         self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
+        self.recent.retain(|path| path.is_absolute());
+        self.recent.truncate(recent_files::MOST);
         self
     }
 }

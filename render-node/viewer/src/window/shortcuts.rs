@@ -15,6 +15,12 @@ pub enum Action {
     Lasso,
     /// The mouse draws a rectangle.
     Rectangle,
+    /// The mouse sets the corners of a polygon.
+    Polygon,
+    /// The mouse draws a sphere.
+    Sphere,
+    /// The mouse draws a box.
+    Box,
     /// Strokes grow to the whole structure.
     Walk,
     /// Strokes change whole Super-Gaussians.
@@ -65,7 +71,11 @@ pub enum Action {
     Picture,
     /// Keeps a turn around the scene as pictures.
     Turntable,
-    /// Keeps the selected Gaussians, or the visible ones, as a file.
+    /// Asks for a file to open.
+    Open,
+    /// Saves the project or everything in it under another name.
+    SaveCopy,
+    /// Saves the selected Gaussians, or the visible ones, as a file.
     ExportSplats,
     /// A picture for each eye, side by side.
     Stereo,
@@ -73,6 +83,8 @@ pub enum Action {
     Panels,
     /// Dark or light panels.
     Theme,
+    /// Shows or hides the ground grid and the box of what is visible.
+    Grid,
     /// The next view of the structure.
     NextDisplayMode,
     /// Moves the eye about its target, or looks elsewhere where it flies.
@@ -83,7 +95,7 @@ pub enum Action {
     Nearer,
     /// Goes further away.
     Further,
-    /// Cancels the stroke, lasso or turntable under way.
+    /// Cancels the stroke, lasso, polygon, shape or turntable under way.
     Abandon,
     /// Closes the window.
     Close,
@@ -143,6 +155,9 @@ impl Action {
             | Self::Brush
             | Self::Lasso
             | Self::Rectangle
+            | Self::Polygon
+            | Self::Sphere
+            | Self::Box
             | Self::Walk
             | Self::Cluster
             | Self::Point
@@ -164,8 +179,9 @@ impl Action {
             | Self::Nearer
             | Self::Further
             | Self::NextDisplayMode
+            | Self::Grid
             | Self::Stereo => Group::View,
-            Self::Picture | Self::Turntable | Self::ExportSplats => Group::Files,
+            Self::Open | Self::SaveCopy | Self::Picture | Self::Turntable | Self::ExportSplats => Group::Files,
             _ => Group::Other,
         }
     }
@@ -201,6 +217,9 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::B, "B", Action::Brush, "the mouse brushes"),
     plain(Key::L, "L", Action::Lasso, "the mouse draws a lasso"),
     plain(Key::R, "R", Action::Rectangle, "the mouse draws a rectangle"),
+    plain(Key::J, "J", Action::Polygon, "the mouse sets the corners of a polygon"),
+    plain(Key::O, "O", Action::Sphere, "the mouse draws a sphere"),
+    plain(Key::C, "C", Action::Box, "the mouse draws a box"),
     plain(Key::Num1, "1", Action::Walk, "Region: strokes grow to the whole structure"),
     plain(Key::Num2, "2", Action::Cluster, "Patch: strokes change whole Super-Gaussians"),
     plain(Key::Num3, "3", Action::Point, "Single: strokes change single Gaussians"),
@@ -208,6 +227,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
     plain(Key::Comma, ",", Action::Less, "select less, by the Reach (or Strictness) of the last Region stroke"),
     plain(Key::Period, ".", Action::More, "select more, by the same"),
+    with(Modifiers::SHIFT, Key::G, "Shift+G", Action::Grid, "show or hide the ground grid and the box"),
     plain(Key::G, "G", Action::NextParameter, "these keys and the wheel change Reach, or Strictness"),
     with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "redo"),
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "undo"),
@@ -225,6 +245,13 @@ pub const SHORTCUTS: &[Shortcut] = &[
     ),
     plain(Key::Delete, "Delete", Action::Delete, "delete the selected Gaussians"),
     plain(Key::Backspace, "Backspace", Action::Delete, "delete the selected Gaussians"),
+    with(
+        Modifiers::COMMAND.plus(Modifiers::SHIFT),
+        Key::S,
+        "Ctrl+Shift+S",
+        Action::SaveCopy,
+        "save a copy of the project, or everything in it as a scene",
+    ),
     with(Modifiers::COMMAND, Key::S, "Ctrl+S", Action::Name, "name the selection and save it"),
     plain(Key::Enter, "Enter", Action::Say, "say something to the agents"),
     with(Modifiers::SHIFT, Key::F, "Shift+F", Action::FrameSelection, "see the whole selection"),
@@ -240,7 +267,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         Key::E,
         "Ctrl+E",
         Action::ExportSplats,
-        "save the selected Gaussians as a PLY file; without a selection, the visible ones",
+        "export the selected Gaussians; without a selection, the visible ones",
     ),
     with(Modifiers::SHIFT, Key::ArrowLeft, "Shift+Left", Action::Slide(Way::Left), "slide the eye"),
     with(Modifiers::SHIFT, Key::ArrowRight, "Shift+Right", Action::Slide(Way::Right), "slide the eye"),
@@ -254,15 +281,16 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Equals, "=", Action::Nearer, "nearer"),
     plain(Key::Minus, "-", Action::Further, "further away"),
     plain(Key::X, "X", Action::Stereo, "stereo: a picture for each eye, side by side"),
+    with(Modifiers::COMMAND, Key::O, "Ctrl+O", Action::Open, "open a file"),
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
-    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso or turntable under way"),
+    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso, polygon, shape or turntable under way"),
 ];
 
 /// Mouse functions, for the list.
 pub const MOUSE: &[(&str, &str)] = &[
-    ("left drag", "uses the tool; with Shift a brush or lasso takes away"),
+    ("left drag", "uses the tool; with Shift it takes away from the selection"),
     ("middle drag, Alt + left drag", "turn"),
     ("right drag", "slide"),
     ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt Reach or Strictness"),

@@ -25,6 +25,8 @@ impl WindowUi {
     pub(super) fn toolbar(&mut self, ui: &mut Ui, state: &ViewState, requests: &mut Vec<Request>) {
         let short = ui.available_width() < LABELLED * self.tools.scale;
         ui.horizontal_wrapped(|ui| {
+            self.file_menu(ui, state, requests);
+            ui.separator();
             // With panels, the tools head the column of the task.
             if !self.panels_shown {
                 self.tool_choice(ui, state, short);
@@ -99,7 +101,7 @@ impl WindowUi {
             }
         }
         if state.services.selection {
-            let does = "Brush, lasso and rectangle leave out what lies behind the surface in front. (Z)";
+            let does = "Brush, lasso, rectangle and polygon leave out what lies behind the surface in front. (Z)";
             if labelled_button(ui, (Some(Icon::InFront), "in front", short), self.tools.front_only, does).clicked() {
                 self.tools.front_only = !self.tools.front_only;
             }

@@ -22,7 +22,7 @@ use super::bookmarks::Bookmarks;
 use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
-use super::file_drop::{self, DroppedFile};
+use super::file_menu::FileMenu;
 use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
 use super::scene_view::{MouseTool, SceneView};
@@ -80,6 +80,9 @@ pub struct WindowUi {
     panels: Panels,
     bookmarks: Bookmarks,
     pub(super) exporter: Exporter,
+    pub(super) file_menu: FileMenu,
+    /// Folder of pictures without a chosen name.
+    pub(super) pictures: PathBuf,
     /// The scene's last known view: a different one moves the eye here.
     shared: View,
     first_view: FirstView,
@@ -125,8 +128,8 @@ impl WindowUi {
         let mut scene_view =
             SceneView::new(engine, Arc::clone(&scene), navigator, brush_controller, Arc::clone(&pool), wake.clone())?;
         scene_view.mouse_tool = settings.mouse_tool;
-        let exporter =
-            Exporter::new(Arc::clone(&scene), pictures, pool, wake).map_err(|e| WindowError::Threads(e.to_string()))?;
+        let exporter = Exporter::new(Arc::clone(&scene), pictures.clone(), pool, wake)
+            .map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut panels = Panels::new(PanelHost::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
@@ -143,6 +146,8 @@ impl WindowUi {
             panels,
             bookmarks: Bookmarks::default(),
             exporter,
+            file_menu: FileMenu::default(),
+            pictures,
             shared,
             sent: None,
             panels_shown: settings.panels,
@@ -160,7 +165,8 @@ impl WindowUi {
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, .. } = self.tools;
+        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
+            self.tools;
         Settings {
             panels: self.panels_shown,
             mouse_tool: self.scene_view.mouse_tool,
@@ -174,6 +180,7 @@ impl WindowUi {
             gradient,
             occlusion,
             hints_done: self.hints_done.clone(),
+            grid,
             ..Settings::default()
         }
     }
@@ -236,6 +243,7 @@ impl WindowUi {
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
         if !ui.ctx().text_edit_focused() {
+            self.scene_view.take_polygon_keys(ui);
             let has_focus = ui.ctx().egui_wants_keyboard_input();
             for action in ui.input_mut(|input| shortcuts::pressed(input, has_focus)) {
                 self.act(action, &state, &mut requests);
@@ -243,9 +251,8 @@ impl WindowUi {
         }
         self.hint_places = HintPlaces::default();
         self.take_dropped_files(ui, &mut requests);
-        if let Some(kept) = self.exporter.take_result() {
-            self.line = kept.unwrap_or_else(|error| format!("nothing was saved: {error}"));
-        }
+        self.take_export(&mut requests);
+        self.take_chosen_file(ui, &state, &mut requests);
         egui::Panel::top("tools").show(ui, |ui| self.toolbar(ui, &state, &mut requests));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui, &state));
         self.is_choosing_color = false;
@@ -273,6 +280,7 @@ impl WindowUi {
                 &self.tools,
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
+            self.scene_view.show_shape(ui, response.rect, (&state, &self.tools), &mut requests);
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
@@ -441,6 +449,9 @@ impl WindowUi {
             Action::Brush => self.scene_view.mouse_tool = MouseTool::Brush,
             Action::Lasso => self.scene_view.mouse_tool = MouseTool::Lasso,
             Action::Rectangle => self.scene_view.mouse_tool = MouseTool::Rectangle,
+            Action::Polygon => self.scene_view.mouse_tool = MouseTool::Polygon,
+            Action::Sphere => self.scene_view.mouse_tool = MouseTool::Sphere,
+            Action::Box => self.scene_view.mouse_tool = MouseTool::Box,
             Action::Walk => self.tools.mode = BrushMode::Walk,
             Action::Cluster => self.tools.mode = BrushMode::Cluster,
             Action::Point => self.tools.mode = BrushMode::Point,
@@ -449,7 +460,7 @@ impl WindowUi {
             Action::Depth => {
                 self.tools.front_only = !self.tools.front_only;
                 let reach = if self.tools.front_only { "only the front" } else { "the back too" };
-                self.line = format!("brush, lasso and rectangle reach {reach}");
+                self.line = format!("brush, lasso, rectangle and polygon reach {reach}");
             }
             Action::Less => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
             Action::More => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
@@ -490,6 +501,8 @@ impl WindowUi {
                     ..StrokesRequest::default()
                 }));
             }
+            Action::SaveCopy if scene => self.ask_copy(state),
+            Action::ExportSplats if scene => self.ask_usual_export(state),
             Action::FrameSelection if state.scene.selection().mask().is_none() => {
                 self.line = "nothing is selected; brush something first".to_owned();
             }
@@ -509,7 +522,9 @@ impl WindowUi {
             | Action::Crop
             | Action::FrameSelection
             | Action::NextUp
-            | Action::Flip => {
+            | Action::Flip
+            | Action::SaveCopy
+            | Action::ExportSplats => {
                 self.line = "the service for this does not answer".to_owned();
             }
             Action::Name => {
@@ -533,15 +548,17 @@ impl WindowUi {
             }
             Action::Picture => self.export_picture(state),
             Action::Turntable => self.export_turn(state),
-            Action::ExportSplats => self.exporter.export(ExportJob::Splats(Arc::clone(&state.scene))),
+            Action::Open => self.ask_open(state),
             Action::Stereo => self.scene_view.stereo = !self.scene_view.stereo,
             Action::Panels => self.panels_shown = !self.panels_shown,
+            Action::Grid => self.tools.grid = !self.tools.grid,
             Action::Theme => self.tools.light_panels = !self.tools.light_panels,
             Action::NextDisplayMode => self.tools.display_mode = next_display_mode(self.tools.display_mode, state),
             Action::Close => self.closes = true,
             Action::Abandon => {
                 self.scene_view.abandon();
                 self.exporter.cancel();
+                self.file_menu.dialogs.close();
                 requests.extend(self.drag.0.abandon());
                 self.help = false;
             }
@@ -549,7 +566,7 @@ impl WindowUi {
     }
 
     /// Appearance of exported pictures: without provisional highlights, such as the preview of a stroke.
-    fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
+    pub(super) fn export_appearance(&mut self, state: &ViewState) -> sg_scene::appearance::Appearance {
         let Self { scene, appearance_builder, tools, scene_view, .. } = self;
         let own = appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools);
         sg_scene::appearance::Appearance { occlusion: scene_view.occlusion(&own, tools), ..own }
@@ -574,19 +591,7 @@ impl WindowUi {
     /// Files that were dropped on the window: a camera is looked from, a scene or volume opened beside.
     fn take_dropped_files(&mut self, ui: &Ui, requests: &mut Vec<Request>) {
         for path in ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_path_buf()).collect::<Vec<_>>()) {
-            let view = &mut self.scene_view.navigator.view;
-            self.line = match file_drop::read(&path, view.target) {
-                Ok(DroppedFile::View(seen)) => {
-                    *view = seen;
-                    format!("view from {}", path.display())
-                }
-                Ok(DroppedFile::Other) => {
-                    let line = format!("opening {}", path.display());
-                    requests.push(Request::Open(path));
-                    line
-                }
-                Err(why) => why,
-            };
+            self.open_file(path, requests);
         }
     }
 }

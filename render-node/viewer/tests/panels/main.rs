@@ -9,10 +9,12 @@
 
 mod appearance;
 mod curves;
+mod file_menu;
 mod frame_rate;
 mod legends;
 mod monkey;
 mod picture;
+mod region_tools;
 mod scene_requests;
 mod select_requests;
 mod stage;

@@ -15,7 +15,7 @@ use sg_viewer::window::{Hint, MouseTool, Settings, WindowUi};
 use crate::stage::{after, save, scene, select};
 
 /// A desk that a mouse works on with a tool, and the other side of its seat.
-fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
+pub(crate) fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let settings = Settings { panels: false, mouse_tool, ..Settings::default() };
     desk_of(&settings, Vec2::new(800.0, 600.0), folder)
 }

@@ -9,6 +9,9 @@ use crate::text::{capital, factor, grouped, join, percent, the};
 /// Largest number of units in a list.
 const MAX_LINES: usize = 40;
 
+/// Least ratio of the enclosed to the filled volume of a closed surface. Below, the grid's cells make the difference.
+const ENCLOSING: f64 = 1.2;
+
 /// Largest number of units in the answer about the selection.
 const MAX_PARTS: usize = 8;
 
@@ -148,7 +151,7 @@ fn selected_parts(state: &State) -> Vec<String> {
 #[must_use]
 pub fn size(target: &Target, measure: &Measure) -> Option<String> {
     let mm = measure.millimetres;
-    let edges = measure.edges.as_ref().filter(|_| mm > 0.0 && measure.volume > 0.0)?;
+    let edges = measure.edges.as_ref().filter(|_| mm > 0.0 && measure.occupied > 0.0)?;
     let edges = [edges.x, edges.y, edges.z].map(|edge| mm * edge);
     let longest = edges.into_iter().fold(0.0, f64::max);
     let (unit, factor) = match longest {
@@ -157,15 +160,17 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
         _ => ("mm", 1.0),
     };
     let [x, y, z] = edges.map(|edge| measured(factor * edge));
-    let ml = measure.volume * mm.powi(3) / 1000.0;
+    let ml = measure.enclosed * mm.powi(3) / 1000.0;
     let volume = match ml {
         v if v >= 10_000.0 => format!("{} L", measured(1e-3 * v)),
         v if v >= 0.1 => format!("{} mL", measured(v)),
         v => format!("{} mm³", measured(1e3 * v)),
     };
     let (name, plural) = crate::text::target(target);
-    let (verb, its) = if plural { ("measure", "their") } else { ("measures", "its") };
-    Some(format!("{} {verb} about {x} × {y} × {z} {unit}; {its} Gaussians fill about {volume}.", capital(&name)))
+    // A fit puts Gaussians on surfaces, and people ask for the volume within.
+    let verb = if measure.enclosed > ENCLOSING * measure.occupied { "enclose" } else { "fill" };
+    let s = if plural { "" } else { "s" };
+    Some(format!("{} measure{s} about {x} × {y} × {z} {unit} and {verb}{s} about {volume}.", capital(&name)))
 }
 
 /// A measured number: whole from 10 on, else with one or two decimals.
@@ -276,15 +281,19 @@ mod tests {
     #[test]
     fn a_size_is_told_in_millimetres_and_millilitres() {
         let edges = Some(sg_proto::scene::Vector { x: 0.123, y: 0.08, z: 0.0955 });
-        let measure = |volume, millimetres| Measure { edges, volume, millimetres, ..Measure::default() };
+        let measure = |enclosed, millimetres| {
+            // Of closed surfaces in metres, and of open ones.
+            let occupied = if enclosed > 1e-6 { 0.3 * enclosed } else { enclosed };
+            Measure { edges, occupied, enclosed, millimetres, ..Measure::default() }
+        };
         let of = |name: &str| Target { units: vec![name.to_owned()], ..Target::default() };
         assert_eq!(
             size(&of("heart"), &measure(5.4e-4, 1000.0)).unwrap(),
-            "The heart measures about 123 × 80 × 96 mm; its Gaussians fill about 540 mL."
+            "The heart measures about 123 × 80 × 96 mm and encloses about 540 mL."
         );
         assert_eq!(
             size(&of("vessels"), &measure(1.2e-9, 1000.0)).unwrap(),
-            "The vessels measure about 123 × 80 × 96 mm; their Gaussians fill about 1.2 mm³."
+            "The vessels measure about 123 × 80 × 96 mm and fill about 1.2 mm³."
         );
         assert_eq!(size(&of("heart"), &measure(5.4e-4, 0.0)), None, "no unit, no size");
     }

@@ -172,7 +172,7 @@ mod tests {
         ] {
             assert!(requests.iter().any(|k| k == allowed), "{allowed} in {requests:?}");
         }
-        // `cmd/open` names a file of the supervisor's machine.
+        // `cmd/open` and `cmd/save` name files of the supervisor's machine.
         for denied in [
             "cmd/capture",
             "cmd/execute",
@@ -182,6 +182,7 @@ mod tests {
             "cmd/promote",
             "cmd/start",
             "cmd/open",
+            "cmd/save",
         ] {
             assert!(!requests.iter().any(|k| k.ends_with(denied)), "{denied} in {requests:?}");
         }

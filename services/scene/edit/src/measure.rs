@@ -1,27 +1,28 @@
 //! How large a target is.
 
 use sg_proto::scene::{Measure, MeasureRequest};
-use sg_scene::extent::extent;
 use sg_scene::orientation::LengthUnit;
+use sg_scene::size::size;
 
 use super::editor::Editor;
 use super::error::EditError;
 use super::wire::encode_vector;
 
 impl Editor {
-    /// Measures a target: all within one standard deviation of its Gaussians, hidden ones too.
+    /// Measures a target, hidden Gaussians too.
     ///
     /// # Errors
     /// [`EditError`] for a target that does not exist or has no Gaussians of finite place and size.
     pub fn measure(&self, request: &MeasureRequest) -> Result<Measure, EditError> {
         let target = self.state().resolve(request.target.as_ref())?;
         let scene = self.scene();
-        let found = extent(scene, &target.members).ok_or(EditError::EmptyTarget(target.phrase))?;
+        let found = size(scene, &target.members).ok_or(EditError::EmptyTarget(target.phrase))?;
         Ok(Measure {
             revision: self.state().revision(),
             count: target.members.count() as u64,
-            edges: Some(encode_vector(found.edges)),
-            volume: found.volume,
+            edges: Some(encode_vector(found.extent)),
+            occupied: found.occupied,
+            enclosed: found.enclosed,
             millimetres: scene.orientation.unit.map_or(0.0, LengthUnit::millimetres),
         })
     }
@@ -52,7 +53,7 @@ mod tests {
         let bone = of("Bone").unwrap();
         assert_eq!((bone.count, bone.millimetres), (5, 1000.0));
         let edges = bone.edges.unwrap();
-        assert!(edges.x > 0.0 && bone.volume > 0.0 && bone.volume <= edges.x * edges.y * edges.z, "{bone:?}");
+        assert!(edges.x > 0.0 && bone.occupied > 0.0 && bone.occupied <= bone.enclosed, "{bone:?}");
         assert!(matches!(of("liver"), Err(EditError::UnknownUnit { .. })));
     }
 }

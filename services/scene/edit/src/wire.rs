@@ -428,6 +428,8 @@ impl EditState {
             undo: Vec::new(),
             redo: Vec::new(),
             deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
+            // Only the owner has it.
+            project_path: String::new(),
         }
     }
 

@@ -126,6 +126,18 @@ impl Subject {
         (depth - eye_depth > 1e-9 * scale && view.eye.is_finite()).then_some(view)
     }
 
+    /// The box of the subject along the scene's axes, without strays as in [`Subject::view`]. Gaussians reach two standard
+    /// deviations. `None` for a subject of nothing.
+    #[must_use]
+    pub fn bounds(&self) -> Option<SceneBox> {
+        let ends = |axis: DVec3| {
+            let low = self.end(|e| e.center.dot(axis) - e.reach(axis), Side::Low)?;
+            Some((low, self.end(|e| e.center.dot(axis) + e.reach(axis), Side::High)?))
+        };
+        let (x, y, z) = (ends(DVec3::X)?, ends(DVec3::Y)?, ends(DVec3::Z)?);
+        Some(SceneBox { min: DVec3::new(x.0, y.0, z.0), max: DVec3::new(x.1, y.1, z.1) })
+    }
+
     /// The apex of the two planes that touch the subject and open by `tangent` about `forward`.
     fn apex(&self, axis: DVec3, forward: DVec3, tangent: f64) -> Option<Apex> {
         let (left, right) = (axis + tangent * forward, axis - tangent * forward);
@@ -262,6 +274,29 @@ mod tests {
             let view = view_of(&split, &look).unwrap();
             assert!((view.eye - first.eye).length() < 0.3 * distance, "{first:?} {view:?}");
         }
+    }
+
+    #[test]
+    fn the_box_holds_what_is_visible_and_no_stray() {
+        let near = cloud(None);
+        let bounds = |scene: &Scene, look: &Appearance| Subject::of(scene, look).bounds();
+        let all = bounds(&near, &Appearance::of(&near)).unwrap();
+        let reach = REACH * f64::from((-2.0_f32).exp());
+        let centres = SceneBox::of_points(near.units[0].gaussians.position.iter().copied());
+        assert!((all.min - (centres.min - reach)).abs().max_element() < 1e-6, "{all:?} {centres:?}");
+        assert!((all.max - (centres.max + reach)).abs().max_element() < 1e-6, "{all:?} {centres:?}");
+        let far = cloud(Some(Vec3::splat(1e6)));
+        let without = bounds(&far, &Appearance::of(&far)).unwrap();
+        assert!((without.max - all.max).abs().max_element() < 0.5, "{all:?} {without:?}");
+        // What is clipped away is not in it.
+        let clip = Clip::plane(DVec3::splat(5.0), DVec3::X);
+        let half = bounds(&near, &Appearance { clips: vec![clip], ..Appearance::of(&near) }).unwrap();
+        assert!(half.min.x > 4.0 && half.max == all.max, "{half:?}");
+        let mut hidden = Appearance::of(&near);
+        hidden.base[0].visible = false;
+        assert_eq!(bounds(&near, &hidden), None);
+        let unit = SceneBox { min: DVec3::ZERO, max: DVec3::new(1.0, 2.0, 3.0) };
+        assert_eq!(Subject::of_box(unit).bounds(), Some(unit));
     }
 
     #[test]

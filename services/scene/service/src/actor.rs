@@ -86,9 +86,9 @@ async fn load(host: Host) -> Result<(), StartError> {
         (block_in_place(|| open(&scene, &scene_path, &path))?, None)
     };
 
-    let outline = project.editor().message(false);
-    let state = host.bus().retain(&keys::SCENE_STATE, outline).await?;
-    let mut owner = Owner { bus: host.bus().clone(), project, state, _scratch: scratch };
+    let place = std::path::absolute(&path).unwrap_or_else(|_| path.clone()).display().to_string();
+    let state = host.bus().retain(&keys::SCENE_STATE, outline(&project, &place)).await?;
+    let mut owner = Owner { bus: host.bus().clone(), project, place, state, _scratch: scratch };
     if !host.is_standby() {
         owner.republish_last().await?;
     }
@@ -125,6 +125,11 @@ async fn load(host: Host) -> Result<(), StartError> {
     .await?;
     host.serve_content(&keys::SCENE_CONTENT).await?;
     Ok(())
+}
+
+/// The state without masks, with the path of the role's project.
+fn outline(project: &Project, place: &str) -> State {
+    State { project_path: place.to_owned(), ..project.editor().message(false) }
 }
 
 /// The files of the geometry for readers on other machines; listed at the first request.
@@ -241,6 +246,8 @@ enum Message {
 struct Owner {
     bus: Bus,
     project: Project,
+    /// Absolute path of the role's project.
+    place: String,
     state: RetainedValue<State>,
     /// The temporary folder of the project of a standby process.
     _scratch: Option<TempDir>,
@@ -272,15 +279,14 @@ impl Owner {
 
     async fn take_over(&mut self, project: Project) -> Result<(), Fault> {
         self.project = project;
-        let outline = self.project.editor().message(false);
-        self.state.set(outline, &Context::root()).await?;
+        self.state.set(outline(&self.project, &self.place), &Context::root()).await?;
         self.republish_last().await.map_err(|e| Fault::internal(e.to_string()))
     }
 
     /// Publishes a durable event and the newest state.
     async fn announce(&mut self, event: &Event, context: &Context) {
         let published = self.bus.publish(&keys::SCENE_EVENT, event, &context.next()).await;
-        let retained = self.state.set(self.project.editor().message(false), &context.next()).await;
+        let retained = self.state.set(outline(&self.project, &self.place), &context.next()).await;
         // Readers notice a gap by the revision. A durable change stays, even if its publication failed.
         for fault in [published, retained].into_iter().filter_map(Result::err) {
             tracing::warn!(revision = event.revision, %fault, "an accepted change could not be published");

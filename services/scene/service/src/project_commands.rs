@@ -1,10 +1,11 @@
 //! The subcommands on projects: list, delete, back up and restore.
 #![allow(clippy::print_stderr, reason = "a command line prints words to stderr")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Subcommand;
+use serde::Serialize;
 use sg_input::print;
 use supergaussian_scene::journal;
 
@@ -56,10 +57,27 @@ pub(crate) enum ProjectsCommand {
         /// Name from `supergaussian projects`
         name: String,
     },
+    /// Prints as JSON which scene a project is of.
+    ///
+    /// Example: supergaussian scene projects describe tooth-monday.sgproj
+    Describe {
+        /// Project file, or name from `supergaussian projects`
+        project: PathBuf,
+    },
     /// Prints as JSON where projects are kept, and scenes that were made from volumes.
     ///
     /// Example: supergaussian scene projects folders
     Folders,
+}
+
+/// A project.
+#[derive(Serialize)]
+struct ProjectReport<'a> {
+    path: &'a Path,
+    /// The scene's file when the project was last opened.
+    scene: &'a Path,
+    /// Number of accepted commands.
+    revision: u64,
 }
 
 /// Runs a subcommand: 0 done, 1 the work failed, 2 the arguments or the input are wrong.
@@ -75,6 +93,11 @@ fn done(command: &Command) -> Result<ExitCode, FolderError> {
             for path in folder.delete(name)? {
                 print::status(&format!("deleted {}", path.display()));
             }
+        }
+        Command::Projects { command: Some(ProjectsCommand::Describe { project }) } => {
+            let path = folder.meant(project);
+            let found = journal::describe(&path)?;
+            return Ok(print_json(&ProjectReport { path: &path, scene: &found.scene, revision: found.revision }));
         }
         Command::Projects { command: Some(ProjectsCommand::Folders) } => return Ok(print_json(&folder.places())),
         Command::Backup { project, copy } => {

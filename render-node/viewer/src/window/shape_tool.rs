@@ -1,0 +1,512 @@
+//! Spheres and boxes of the scene that select what lies within: drawn from a place on the surface, then changed by numbers.
+
+use std::sync::Arc;
+
+use egui::{Color32, DragValue, Grid, Pos2, Rect, Response, Shape as Drawn, Ui};
+use glam::{DVec2, DVec3};
+use sg_clusters::geometry::GeometryOptions;
+use sg_proto::scene::{
+    Combine, InBox, InSphere, SelectionOperation, SelectionStep, selection_operation, selection_step,
+};
+use sg_proto::selection::StrokesRequest;
+use sg_scene::camera::Camera;
+use sg_scene::mask::Mask;
+use sg_scene::model::{Scene, SceneBox};
+use sg_scene::orientation::LengthUnit;
+use sg_selection::operation_context::OperationContext;
+use sg_selection::operations::{self, Operation};
+
+use super::scene_lines::LineStyle;
+use super::scene_view::{MouseTool, SceneView};
+use super::tool_card;
+use crate::display::number_format::count;
+use crate::display::{BrushSign, LatestWorker, Request, Tools, ViewState};
+use crate::panels::theme::color_of;
+
+/// Points of a drag from which on it makes a shape; a shorter one is a click.
+const LEAST_DRAG: f32 = 4.0;
+
+/// Lines of a circle.
+const CIRCLE: u32 = 72;
+
+/// A drag over one point changes a number by this share of the scene's longest edge.
+const SPEED: f64 = 1e-3;
+
+/// Shares of the scene's longest edge: the finest step that numbers show, and the largest number that they take.
+const NUMBERS: (f64, f64) = (1e-5, 1e3);
+
+/// The buttons of the card: name, combination, effect.
+const BUTTONS: [(&str, Combine, &str); 4] = [
+    ("add", Combine::Add, "adds what lies inside to the selection"),
+    ("take away", Combine::Remove, "takes what lies inside out of the selection"),
+    ("only these", Combine::Replace, "selects what lies inside, and nothing else"),
+    ("intersect", Combine::Intersect, "keeps of the selection what lies inside"),
+];
+
+/// How far a shape reaches from its centre, scene lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Reach {
+    /// A sphere's radius.
+    Radius(f64),
+    /// Half the edges of a box along the scene's axes.
+    HalfEdges(DVec3),
+}
+
+/// A region of the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shape {
+    /// Scene coordinates.
+    centre: DVec3,
+    reach: Reach,
+}
+
+impl Shape {
+    /// The operation of files and of the selection, in parts of the scene's box.
+    fn operation(&self, bounds: SceneBox) -> Operation {
+        let place = |p: DVec3| bounds.normalize(p).to_array();
+        let combine = operations::Combine::Replace;
+        match self.reach {
+            Reach::Radius(radius) => {
+                Operation::Sphere { centre: place(self.centre), radius: radius / bounds.longest_edge(), combine }
+            }
+            Reach::HalfEdges(half) => {
+                Operation::Box { min: place(self.centre - half), max: place(self.centre + half), combine }
+            }
+        }
+    }
+
+    /// The request that selects by it; `None` for one that no selection takes.
+    fn request(&self, bounds: SceneBox, combine: Combine, include_hidden: bool) -> Option<Request> {
+        let operation = self.operation(bounds);
+        operation.check().ok()?;
+        let operation = match operation {
+            Operation::Sphere { centre, radius, .. } => {
+                selection_operation::Operation::Sphere(InSphere { centre: centre.to_vec(), radius })
+            }
+            Operation::Box { min, max, .. } => {
+                selection_operation::Operation::Box(InBox { min: min.to_vec(), max: max.to_vec() })
+            }
+            _ => return None,
+        };
+        let operation = SelectionOperation { operation: Some(operation), combine: combine.into() };
+        let step = SelectionStep { step: Some(selection_step::Step::Operation(operation)) };
+        Some(Request::Select(StrokesRequest { steps: vec![step], include_hidden, ..StrokesRequest::default() }))
+    }
+
+    /// Its edges as an eye sees them: a box's twelve, or three circles of a sphere and its rim.
+    fn lines(&self, eye: DVec3) -> Vec<[DVec3; 2]> {
+        match self.reach {
+            Reach::HalfEdges(half) => {
+                let corner = |k: usize| {
+                    let sign = |bit: usize| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                    self.centre + half * DVec3::new(sign(0), sign(1), sign(2))
+                };
+                let edges = (0..8).flat_map(|k| [1, 2, 4].map(|bit| (k, k | bit)));
+                edges.filter(|(a, b)| a != b).map(|(a, b)| [corner(a), corner(b)]).collect()
+            }
+            Reach::Radius(radius) => {
+                let axes = [(DVec3::X, DVec3::Y), (DVec3::Y, DVec3::Z), (DVec3::Z, DVec3::X)];
+                let mut lines: Vec<_> =
+                    axes.iter().flat_map(|(a, b)| circle(self.centre, radius * *a, radius * *b)).collect();
+                let way = eye - self.centre;
+                // The rim is where lines from the eye touch the sphere; from within there is none.
+                let share = (radius / way.length()).powi(2);
+                if share < 1.0 {
+                    let (a, b) = way.normalize().any_orthonormal_pair();
+                    let rim = radius * (1.0 - share).sqrt();
+                    lines.extend(circle(self.centre + share * way, rim * a, rim * b));
+                }
+                lines
+            }
+        }
+    }
+}
+
+/// The lines of an ellipse with these half axes.
+fn circle(centre: DVec3, a: DVec3, b: DVec3) -> impl Iterator<Item = [DVec3; 2]> {
+    let at = move |k: u32| {
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(k) / f64::from(CIRCLE)).sin_cos();
+        centre + cosine * a + sine * b
+    };
+    (0..CIRCLE).map(move |k| [at(k), at(k + 1)])
+}
+
+/// What the preview of a shape depends on.
+#[derive(Debug, Clone)]
+struct Wanted {
+    shape: Shape,
+    sign: BrushSign,
+    include_hidden: bool,
+    selected: Arc<Mask>,
+    scene: Arc<sg_edit::EditState>,
+}
+
+impl PartialEq for Wanted {
+    fn eq(&self, other: &Self) -> bool {
+        let plain = |w: &Self| (w.shape, w.sign, w.include_hidden, w.scene.revision());
+        plain(self) == plain(other) && Arc::ptr_eq(&self.selected, &other.selected)
+    }
+}
+
+/// What a shape would select.
+#[derive(Debug, Clone)]
+struct Preview {
+    /// The selection before.
+    base: Arc<Mask>,
+    /// The selection after.
+    selected: Arc<Mask>,
+    /// Gaussians inside that can be selected.
+    inside: usize,
+}
+
+impl Preview {
+    fn of(context: &OperationContext, wanted: &Wanted) -> Self {
+        let Wanted { shape, sign, include_hidden, selected, scene } = wanted;
+        let mut found = Mask::empty(selected.len());
+        let operation = shape.operation(context.scene().bounds);
+        // A shape needs no geometry, so nothing fails; without a result nothing is inside.
+        let is_known = operation.check().is_ok() && context.apply(&operation, &mut found).is_ok();
+        if !is_known {
+            found = Mask::empty(selected.len());
+        }
+        found.intersect_with(&if *include_hidden { scene.existing() } else { scene.visible() });
+        let inside = found.count();
+        let mut after = Mask::clone(selected);
+        match sign {
+            BrushSign::Add => after.union_with(&found),
+            BrushSign::Remove => after.subtract(&found),
+        }
+        Self { base: Arc::clone(selected), selected: Arc::new(after), inside }
+    }
+}
+
+/// A drag under way.
+#[derive(Debug, Clone, Copy)]
+struct Drag {
+    press: Pos2,
+    /// The shape before the press.
+    before: Option<Shape>,
+}
+
+/// The tool of spheres and boxes.
+pub(super) struct ShapeTool {
+    shape: Option<Shape>,
+    drag: Option<Drag>,
+    /// Whether the shape differs from the one that was last applied.
+    is_changed: bool,
+    worker: LatestWorker<Wanted, Preview>,
+    wanted: Option<Wanted>,
+    preview: Option<Preview>,
+}
+
+impl ShapeTool {
+    /// A tool without a shape. Previews are computed on `pool`; `wake` is called after each.
+    ///
+    /// # Errors
+    /// The system's error if it cannot start a thread.
+    pub(super) fn new(
+        scene: Arc<Scene>,
+        pool: Arc<rayon::ThreadPool>,
+        wake: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let context = OperationContext::new(scene, GeometryOptions::default());
+        let work = move |wanted: Wanted| pool.install(|| Preview::of(&context, &wanted));
+        let worker = LatestWorker::new("finds-inside", work, wake)?;
+        Ok(Self { shape: None, drag: None, is_changed: false, worker, wanted: None, preview: None })
+    }
+
+    /// Forgets the shape.
+    pub(super) fn clear(&mut self) {
+        (self.shape, self.drag, self.is_changed, self.wanted, self.preview) = (None, None, false, None, None);
+    }
+
+    /// Whether no preview is computed or waits.
+    pub(super) fn is_idle(&self) -> bool {
+        self.worker.is_idle()
+    }
+
+    /// The selection with a shape that has not been applied, as far as it is known.
+    pub(super) fn would_select(&self, selected: &Arc<Mask>) -> Option<Arc<Mask>> {
+        let preview =
+            self.preview.as_ref().filter(|preview| self.is_changed && Arc::ptr_eq(&preview.base, selected))?;
+        Some(Arc::clone(&preview.selected))
+    }
+
+    /// Asks for the preview of the shape, and takes the newest.
+    fn update(&mut self, sign: BrushSign, state: &ViewState, include_hidden: bool) {
+        let Some(shape) = self.shape else { return };
+        if let Some(preview) = self.worker.take() {
+            self.preview = Some(preview);
+        }
+        let (selected, scene) = (Arc::clone(&state.selected), Arc::clone(&state.scene));
+        let wanted = Wanted { shape, sign, include_hidden, selected, scene };
+        if self.wanted.as_ref() != Some(&wanted) {
+            self.worker.submit(wanted.clone());
+            self.wanted = Some(wanted);
+        }
+    }
+}
+
+/// The distance of a scene point from the line of sight through a place of a picture.
+fn distance_from_sight(camera: &Camera, place: DVec2, point: DVec3) -> f64 {
+    let seen = camera.view().transform_point3(point);
+    let ray = DVec3::new((place.x - camera.cx) / camera.fx, (place.y - camera.cy) / camera.fy, 1.0);
+    seen.cross(ray).length() / ray.length()
+}
+
+impl SceneView {
+    /// Lets the mouse draw a sphere or a box about a place of the surface in front. Its release requests the selection; a click
+    /// moves the shape there.
+    pub(super) fn draw_shape(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        alt: bool,
+        sign: BrushSign,
+        (state, tools): (&ViewState, &Tools),
+        requests: &mut Vec<Request>,
+    ) {
+        if !state.services.selection || self.stereo {
+            self.shape_tool.clear();
+            return;
+        }
+        let is_box = self.mouse_tool == MouseTool::Box;
+        if self.shape_tool.shape.is_some_and(|shape| is_box != matches!(shape.reach, Reach::HalfEdges(_))) {
+            self.shape_tool.clear();
+        }
+        let bounds = self.scene.bounds;
+        let (pressed, down, at) =
+            ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down(), i.pointer.interact_pos()));
+        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
+        if pressed
+            && here
+            && !alt
+            && bounds.longest_edge() > 0.0
+            && let Some(press) = at
+            && let Some(centre) = self.front_at(response.rect, press)
+        {
+            let before = self.shape_tool.shape;
+            let none = if is_box { Reach::HalfEdges(DVec3::ZERO) } else { Reach::Radius(0.0) };
+            let reach = before.map_or(none, |shape| shape.reach);
+            self.shape_tool.shape = Some(Shape { centre, reach });
+            self.shape_tool.drag = Some(Drag { press, before });
+            self.shape_tool.is_changed = true;
+        }
+        if let Some(drag) = self.shape_tool.drag
+            && let Some(Shape { centre, .. }) = self.shape_tool.shape
+        {
+            let is_click = at.is_none_or(|at| at.distance(drag.press) < LEAST_DRAG);
+            if let Some(at) = at.filter(|_| !is_click) {
+                let place = at - response.rect.min;
+                let place = DVec2::new(place.x.into(), place.y.into());
+                let reach = distance_from_sight(&self.camera(response.rect), place, centre);
+                let reach = if is_box { Reach::HalfEdges(DVec3::splat(reach)) } else { Reach::Radius(reach) };
+                self.shape_tool.shape = Some(Shape { centre, reach });
+            }
+            if !down {
+                self.shape_tool.drag = None;
+                if !is_click {
+                    let combine = if sign == BrushSign::Add { Combine::Add } else { Combine::Remove };
+                    self.apply_shape(combine, tools, requests);
+                } else if drag.before.is_none() {
+                    self.shape_tool.clear();
+                }
+            }
+        }
+        // The numbers of the card are to be added; only a drag takes away with Shift.
+        let sign = if self.shape_tool.drag.is_some() { sign } else { BrushSign::Add };
+        self.shape_tool.update(sign, state, tools.include_hidden);
+    }
+
+    fn apply_shape(&mut self, combine: Combine, tools: &Tools, requests: &mut Vec<Request>) {
+        let Some(shape) = self.shape_tool.shape else { return };
+        requests.extend(shape.request(self.scene.bounds, combine, tools.include_hidden));
+        self.shape_tool.is_changed = false;
+    }
+
+    /// Draws the shape, and shows its numbers beside the picture with buttons that select by it.
+    pub(super) fn show_shape(
+        &mut self,
+        ui: &Ui,
+        rect: Rect,
+        (state, tools): (&ViewState, &Tools),
+        requests: &mut Vec<Request>,
+    ) {
+        let name = match self.mouse_tool {
+            MouseTool::Sphere => "sphere",
+            MouseTool::Box => "box",
+            _ => return,
+        };
+        if self.stereo || !state.services.selection {
+            return;
+        }
+        if let Some(shape) = self.shape_tool.shape {
+            let removes = self.shape_tool.drag.is_some() && ui.input(|i| i.modifiers.shift);
+            let color = color_of(if removes { BrushSign::Remove } else { BrushSign::Add });
+            let mut drawn: Vec<Drawn> = Vec::new();
+            let lines = self.scene_lines(rect);
+            // A dark edge below makes the lines visible on every picture.
+            for (color, width) in [(Color32::from_black_alpha(130), 3.5), (color, 1.5)] {
+                let style = LineStyle { color, width, hidden: 0.3, unknown: 0.8 };
+                for ends in shape.lines(self.navigator.view.eye) {
+                    lines.add(ends, style, &mut drawn);
+                }
+            }
+            ui.painter_at(rect).extend(drawn);
+        }
+        let (mut shape, inside) = (self.shape_tool.shape, self.shape_tool.preview.as_ref().map(|p| p.inside));
+        let (length, unit) = (self.scene.bounds.longest_edge(), self.scene.orientation.unit);
+        let mut asked = None;
+        tool_card::show(ui, rect, (name, shape.is_some()), |ui| match &mut shape {
+            None => {
+                let reach = if name == "box" { "half an edge" } else { "the radius" };
+                ui.label(format!(
+                    "Press on the surface and drag: the press is the centre of the {name}, the way is {reach}. With Shift it \
+                     takes away. Its numbers are here then."
+                ));
+            }
+            Some(shape) => {
+                shape.numbers(ui, length, unit);
+                let inside = inside.map_or_else(String::new, |inside| format!("{} Gaussians inside", count(inside)));
+                ui.label(inside);
+                ui.horizontal_wrapped(|ui| {
+                    for (name, combine, does) in BUTTONS {
+                        if ui.button(name).on_hover_text(does).clicked() {
+                            asked = Some(combine);
+                        }
+                    }
+                });
+                ui.weak("A click on the surface moves it there; Esc removes it.");
+            }
+        });
+        if shape != self.shape_tool.shape {
+            (self.shape_tool.shape, self.shape_tool.is_changed) = (shape, true);
+            // Its preview is asked for at the next frame.
+            ui.ctx().request_repaint();
+        }
+        if let Some(combine) = asked {
+            self.apply_shape(combine, tools, requests);
+        }
+    }
+}
+
+impl Shape {
+    /// Its numbers to change, in the scene's unit, where `length` is the scene's longest edge.
+    fn numbers(&mut self, ui: &mut Ui, length: f64, unit: Option<LengthUnit>) {
+        let decimals = (-(NUMBERS.0 * length).log10()).ceil().clamp(0.0, 12.0) as usize;
+        let most = NUMBERS.1 * length;
+        let number = |ui: &mut Ui, name: &str, value: &mut f64, least: f64| {
+            let field = DragValue::new(value).speed(SPEED * length).max_decimals(decimals).range(least..=most);
+            let response = ui.add(field.update_while_editing(false));
+            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+        };
+        let in_unit = |name: &str| {
+            let symbol = match unit {
+                Some(LengthUnit::Metre) => ", m",
+                Some(LengthUnit::Millimetre) => ", mm",
+                Some(LengthUnit::Micrometre) => ", µm",
+                None => "",
+            };
+            format!("{name}{symbol}")
+        };
+        Grid::new("numbers of a shape").num_columns(4).show(ui, |ui| {
+            ui.label(in_unit("centre"));
+            let DVec3 { x, y, z } = &mut self.centre;
+            for (name, value) in [("centre x", x), ("centre y", y), ("centre z", z)] {
+                number(ui, name, value, -most);
+            }
+            ui.end_row();
+            match &mut self.reach {
+                Reach::Radius(radius) => {
+                    ui.label(in_unit("radius"));
+                    number(ui, "radius", radius, 0.0);
+                }
+                Reach::HalfEdges(half) => {
+                    ui.label(in_unit("edges"));
+                    let mut edges = 2.0 * *half;
+                    let DVec3 { x, y, z } = &mut edges;
+                    for (name, value) in [("edge x", x), ("edge y", y), ("edge z", z)] {
+                        number(ui, name, value, 0.0);
+                    }
+                    *half = 0.5 * edges;
+                }
+            }
+            ui.end_row();
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sg_edit::EditState;
+    use sg_scene::synthetic::test_scene;
+    use sg_scene::view::View;
+
+    use super::*;
+
+    #[test]
+    fn the_way_of_the_mouse_is_the_reach_of_the_shape() {
+        let eye = DVec3::new(0.0, -4.0, 0.0);
+        let camera = View { eye, target: DVec3::ZERO, up: DVec3::Z, fov_y_degrees: 40.0 }.camera(400, 300);
+        let centre = DVec3::new(0.3, 1.0, -0.2);
+        assert!(distance_from_sight(&camera, seen(&camera, centre), centre) < 1e-12);
+        // The rim of a sphere whose radius is the mouse's way passes below the mouse.
+        let place = DVec2::new(260.0, 120.0);
+        let sphere = Shape { centre, reach: Reach::Radius(distance_from_sight(&camera, place, centre)) };
+        let nearest = sphere.lines(eye).into_iter().flatten().map(|p| seen(&camera, p).distance(place));
+        assert!(nearest.fold(f64::INFINITY, f64::min) < 6.0);
+        let beyond = |p: DVec3| (seen(&camera, p) - seen(&camera, centre)).length() - 1.5;
+        let way = place.distance(seen(&camera, centre));
+        assert!(sphere.lines(eye).into_iter().flatten().all(|p| beyond(p) < 1.05 * way));
+        // From within a sphere no rim is seen.
+        assert_eq!(Shape { centre, reach: Reach::Radius(9.0) }.lines(eye).len(), 3 * CIRCLE as usize);
+    }
+
+    fn seen(camera: &Camera, p: DVec3) -> DVec2 {
+        let p = camera.view().transform_point3(p);
+        DVec2::new(camera.fx * p.x, camera.fy * p.y) / p.z + DVec2::new(camera.cx, camera.cy)
+    }
+
+    #[test]
+    fn a_preview_is_what_the_selection_makes_of_the_shape() {
+        let scene = Arc::new(test_scene(&[("cloud", 600), ("hidden", 200)]));
+        let state = Arc::new(EditState::of_scene(&scene, "scene.toml", "hash"));
+        let hide = sg_proto::scene::SetVisibility {
+            target: Some(sg_proto::scene::Target { units: vec!["hidden".to_owned()], ..Default::default() }),
+            visible: false,
+        };
+        let action = sg_proto::scene::command::Action::SetVisibility(hide);
+        let state = Arc::new(state.after(&scene, action).unwrap());
+        let context = OperationContext::new(Arc::clone(&scene), GeometryOptions::default());
+        let selected = Arc::new(Mask::from_fn(scene.len(), |i| i < 100));
+        let centre = DVec3::new(4.0, 5.0, 6.0);
+        let half = DVec3::new(1.0, 3.0, 2.0);
+        for (reach, includes) in [
+            (Reach::Radius(3.0), Box::new(move |p: DVec3| p.distance(centre) < 3.0) as Box<dyn Fn(DVec3) -> bool>),
+            (Reach::HalfEdges(half), Box::new(move |p: DVec3| (p - centre).abs().cmple(half + 1e-9).all())),
+        ] {
+            let is_inside = |i: usize| includes(scene.position(i).unwrap());
+            let of = |sign, include_hidden| {
+                let (selected, scene) = (Arc::clone(&selected), Arc::clone(&state));
+                Preview::of(&context, &Wanted { shape: Shape { centre, reach }, sign, include_hidden, selected, scene })
+            };
+            let added = of(BrushSign::Add, false);
+            let expected = Mask::from_fn(scene.len(), |i| i < 100 || (i < 600 && is_inside(i)));
+            assert_eq!((&*added.selected, added.inside), (&expected, (0..600).filter(|i| is_inside(*i)).count()));
+            assert!(added.inside > 10);
+            let all = of(BrushSign::Add, true);
+            assert_eq!(all.inside, (0..800).filter(|i| is_inside(*i)).count());
+            let left = of(BrushSign::Remove, false).selected;
+            assert_eq!(*left, Mask::from_fn(scene.len(), |i| i < 100 && !is_inside(i)));
+        }
+    }
+
+    #[test]
+    fn a_shape_without_finite_numbers_is_not_asked_for() {
+        let bounds = SceneBox { min: DVec3::ZERO, max: DVec3::ONE };
+        let of = |centre: DVec3, reach| Shape { centre, reach }.request(bounds, Combine::Add, false);
+        assert!(of(DVec3::ONE, Reach::Radius(0.1)).is_some());
+        assert_eq!(of(DVec3::NAN, Reach::Radius(0.1)), None);
+        assert_eq!(of(DVec3::ONE, Reach::HalfEdges(DVec3::splat(f64::INFINITY))), None);
+    }
+}
