@@ -4,6 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use sg_gpu::counts::{Card, FrameWork, WorkOptions, frame_work};
 use sg_gpu::{Commands, Options, Settings};
+use sg_input::number_format::grouped;
 use sg_raster::counts::{HEADSET_SIZE, headset};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;

@@ -12,7 +12,6 @@ use sg_scene::model::Scene;
 
 use super::navigation::Navigator;
 use crate::display::LatestWorker;
-use crate::display::number_format::count;
 use crate::video::{self, VIDEO_TIMEOUT};
 use sg_raster::finish::Finish;
 use sg_raster::image::Image;

@@ -1,14 +1,15 @@
 //! Hints of a first run: three at most, one at a time, beside the control that each is about. A hint ends for good when a person
 //! dismisses it, or has done what it says.
 
-use egui::{Align2, Area, Button, Color32, Id, Order, Rect, Shape, Stroke, Ui, Vec2};
+use egui::{Align2, Area, Button, Color32, Id, Order, Pos2, Rect, Shape, Stroke, Ui, Vec2};
 use serde::{Deserialize, Serialize};
 
 use crate::display::ViewState;
 use crate::panels::theme;
 
-/// Points between a control and its hint: the length of the arrow.
-const ARROW: f32 = 14.0;
+/// Points between a hint in the picture and the picture's edge, and half the width of its arrow at the hint.
+const GAP: f32 = 10.0;
+const HALF_ARROW: f32 = 6.0;
 
 /// One hint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,23 +68,23 @@ impl HintPlaces {
     }
 }
 
-/// Shows the first hint that is not done, where its control is in sight. Hints that are followed or dismissed are added to
+/// Shows the first hint that is not done at the side of the `picture`, where its control is in sight. Hints that are followed or dismissed are added to
 /// `done`.
-pub(super) fn show(ui: &Ui, places: HintPlaces, state: &ViewState, done: &mut Vec<Hint>) {
+pub(super) fn show(ui: &Ui, places: HintPlaces, picture: Rect, state: &ViewState, done: &mut Vec<Hint>) {
     let followed = |hint: &Hint| hint.is_followed(state) && !done.contains(hint);
     let newly: Vec<Hint> = Hint::ALL.into_iter().filter(followed).collect();
     done.extend(newly);
     let Some(hint) = Hint::ALL.into_iter().find(|hint| !done.contains(hint)) else { return };
     let Some(place) = places.of(hint) else { return };
-    // On the side with more room, so that the arrow points at the control from the picture.
+    // In the picture, so that it covers no control.
     let screen = ui.ctx().content_rect();
-    let is_right_of_it = place.center().x < screen.center().x;
-    let (side, pivot, way) = if is_right_of_it {
-        (place.right_center(), Align2::LEFT_CENTER, 1.0)
+    let is_right_of_it = place.center().x < picture.center().x;
+    let (side, pivot, x) = if is_right_of_it {
+        (place.right_center(), Align2::LEFT_CENTER, picture.left() + GAP)
     } else {
-        (place.left_center(), Align2::RIGHT_CENTER, -1.0)
+        (place.left_center(), Align2::RIGHT_CENTER, picture.right() - GAP)
     };
-    let at = side + Vec2::new(way * ARROW, 0.0);
+    let at = Pos2::new(x, side.y);
     let area = Area::new(Id::unique("hint")).order(Order::Foreground).fixed_pos(at).pivot(pivot);
     area.show(ui.ctx(), |ui| {
         let (fill, text) = (ui.visuals().selection.bg_fill, ui.visuals().selection.stroke.color);
@@ -98,7 +99,7 @@ pub(super) fn show(ui: &Ui, places: HintPlaces, state: &ViewState, done: &mut Ve
             });
         });
         let edge = if is_right_of_it { card.response.rect.left_center() } else { card.response.rect.right_center() };
-        let half = Vec2::new(0.0, 0.6 * ARROW);
+        let half = Vec2::new(0.0, HALF_ARROW);
         let arrow = vec![edge - half, side, edge + half];
         ui.painter().with_clip_rect(screen).add(Shape::convex_polygon(
             arrow,

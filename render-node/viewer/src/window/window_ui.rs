@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Align2, Frame, TextureId, Ui, Vec2};
+use egui::{Align2, Frame, Rect, TextureId, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use sg_edit::wire::encode_view;
 use sg_proto::scene::{
@@ -23,7 +23,10 @@ use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
 <<<<<<< HEAD
+<<<<<<< HEAD
 use super::file_drop::{self, DroppedFile};
+=======
+>>>>>>> 521291d338d6fbd53dafe5d3de8d739290cf9ed5
 use super::file_menu::FileMenu;
 use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
@@ -51,7 +54,7 @@ use sg_raster::attributes::Attribute;
 use sg_raster::finish::Finish;
 
 /// Widths of the panels at first, points.
-const LEFT: f32 = 340.0;
+const LEFT: f32 = 376.0;
 const RIGHT: f32 = 360.0;
 
 /// Points from the lower edge to the notices.
@@ -268,7 +271,9 @@ impl WindowUi {
         if self.panels_shown {
             self.show_panels(ui, &state, &mut requests);
         }
+        let mut picture = Rect::NOTHING;
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
+            picture = ui.available_rect_before_wrap();
             self.scene_view.keep_framed(&mut self.first_view, self.shared, ui.available_rect_before_wrap());
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
@@ -298,7 +303,7 @@ impl WindowUi {
         if self.panels_shown && !self.help {
             let places =
                 HintPlaces { name: self.panels.name_place(), ask: self.panels.say_place(), ..self.hint_places };
-            hints::show(ui, places, &state, &mut self.hints_done);
+            hints::show(ui, places, picture, &state, &mut self.hints_done);
         }
         if self.help {
             self.show_help(ui);

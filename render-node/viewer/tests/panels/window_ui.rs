@@ -332,7 +332,7 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
     let chosen = after(&scene, [select(&scene, 10..60)]);
     service.writer.update(|state| state.scene = Arc::clone(&chosen));
     harness.run_steps(2);
-    let mut eye = |harness: &mut Harness<'_, WindowUi>| match frame_selection(harness, &service).first() {
+    let eye = |harness: &mut Harness<'_, WindowUi>| match frame_selection(harness, &service).first() {
         Some(Some(set_view::Change::View(view))) => sg_edit::wire::decode_view(view).unwrap(),
         Some(Some(set_view::Change::Focus(_))) => chosen.view(),
         other => panic!("{other:?}"),

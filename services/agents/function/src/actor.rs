@@ -278,16 +278,20 @@ impl FunctionAgent {
             Act::QuerySelection => vec![Target { selection: true, ..Target::default() }],
             _ => Vec::new(),
         };
-        let mut sentences = vec![text];
+        let mut sizes = Vec::new();
         for target in targets {
             let request = MeasureRequest { target: Some(target.clone()) };
             match self.bus.ask(&keys::SCENE_MEASURE, &request, &context.next()).await {
-                Ok(measure) => sentences.extend(query::size(&target, &measure)),
+                Ok(measure) => sizes.extend(query::size(&target, &measure)),
                 // Nothing selected, or a scene service that measures nothing.
                 Err(fault) => tracing::debug!(%fault, "no size"),
             }
         }
-        sentences.join(if sentences.iter().any(|s| s.contains('\n')) { "\n" } else { " " })
+        let several = sizes.len() > 1;
+        sizes.into_iter().fold(text, |text, size| match text.strip_suffix('.').unwrap_or(&text) {
+            lines if several || lines.contains('\n') => format!("{text}\n{size}"),
+            line => format!("{line}. {size}"),
+        })
     }
 
     async fn apply_clause(

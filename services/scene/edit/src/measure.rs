@@ -1,6 +1,7 @@
 //! How large a target is.
 
 use sg_proto::scene::{Measure, MeasureRequest};
+use sg_scene::orientation::LengthUnit;
 use sg_scene::size::size;
 
 use super::editor::Editor;
@@ -22,7 +23,7 @@ impl Editor {
             edges: Some(encode_vector(found.extent)),
             occupied: found.occupied,
             enclosed: found.enclosed,
-            millimetres: scene.orientation.unit.map_or(0.0, |unit| unit.millimetres()),
+            millimetres: scene.orientation.unit.map_or(0.0, LengthUnit::millimetres),
         })
     }
 }
@@ -33,7 +34,7 @@ mod tests {
 
     use sg_proto::scene::Target;
     use sg_scene::model::Scene;
-    use sg_scene::orientation::{LengthUnit, Orientation};
+    use sg_scene::orientation::Orientation;
     use sg_scene::synthetic::test_scene;
 
     use super::*;

@@ -86,7 +86,7 @@ pub fn size(scene: &Scene, members: &Mask) -> Option<Size> {
     let cells = Cells::around(reached);
     let depths = cells.optical_depths(ellipsoids());
     let inside = depths.iter().filter(|depth| **depth >= LN_2).count();
-    let enclosed = depths.len() - cells.outside(&depths, rim(scene, members), cells.within(scene.bounds));
+    let enclosed = depths.len() - cells.outside(&depths, rim(scene, members), &cells.within(scene.bounds));
     let cell = cells.edge.powi(3);
     Some(Size { extent: max - min, occupied: cell * inside as f64, enclosed: cell * enclosed as f64 })
 }
@@ -198,10 +198,10 @@ impl Cells {
     /// Number of cells that lie outside. A way leads to them from the edge of the grid, over faces of cells that hide less than
     /// [`BARRIER`]: what is thinner closes no surface. From there on it goes as deep as `rim`, a length, through cells outside the
     /// Gaussians. No way leads through the sides of the scene's box, `within`: a volume cuts what it holds open there.
-    fn outside(&self, depths: &[f32], rim: f64, within: [Range<usize>; 3]) -> usize {
+    fn outside(&self, depths: &[f32], rim: f64, within: &[Range<usize>; 3]) -> usize {
         let [width, height, layers] = self.count.to_array().map(|n| n as usize);
         let place = |at: usize| [at % width, at / width % height, at / (width * height)];
-        let is_within = |at: usize| place(at).into_iter().zip(&within).all(|(x, range)| range.contains(&x));
+        let is_within = |at: usize| place(at).into_iter().zip(within).all(|(x, range)| range.contains(&x));
         let neighbours = |at: usize| {
             let steps = [(width, 1), (height, width), (layers, width * height)];
             place(at).into_iter().zip(steps).flat_map(move |(place, (count, step))| {

@@ -11,6 +11,7 @@ use sg_clusters::cache::ClusterCache;
 use sg_edit::wire::{encode_mask, steps_of, strokes_alone};
 use sg_edit::{EditState, Replica};
 use sg_formats::npy;
+use sg_input::number_format::grouped;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
