@@ -123,6 +123,8 @@ fn a_person_brushes_names_speaks_and_closes() {
         let exported = load(&file, &LoadOptions::default()).unwrap().scene;
         assert_eq!(exported.len() as u64, selected(&back));
 
+        polygon_and_sphere(&screen, &bus, left, &back).await;
+
         // Another mode: whole Super-Gaussians, and Shift takes away.
         key("2");
         screen.act(&["keydown", "shift"]).unwrap();
@@ -164,6 +166,41 @@ fn a_person_brushes_names_speaks_and_closes() {
     assert_eq!(ended, Some(Some(0)), "closing the window ends the stack\n{}", stack.log());
     let kept = std::fs::read_to_string(Path::new(&home).join("supergaussian/window.toml")).unwrap();
     assert!(kept.contains("radius"), "{kept}");
+}
+
+/// Selects with a polygon about the body at `x`, and with a sphere on it, and takes back both. The selection ends as it begins, with
+/// the brush as the tool.
+async fn polygon_and_sphere(screen: &Screen, bus: &Bus, x: i32, before: &State) {
+    let key = |key: &str| screen.act(&["key", key]).map(drop).unwrap();
+    key("ctrl+d");
+    scene(bus, "no selection", |s| selected(s) == 0).await;
+    key("j");
+    for [dx, dy] in [[-150, -160], [120, -150], [130, 160], [-140, 150]] {
+        screen.drag(&[[x + dx, MIDDLE[1] + dy]]).unwrap();
+    }
+    key("Return");
+    let polygon = scene(bus, "the inside of a polygon", |s| selected(s) > 0).await;
+    key("ctrl+z");
+    scene(bus, "no polygon", |s| selected(s) == 0).await;
+    key("o");
+    // The front surface has to be known before a sphere can begin on it.
+    let begun = Instant::now();
+    let sphere = loop {
+        screen.drag(&[[x, MIDDLE[1]], [x + 20, MIDDLE[1]], [x + 60, MIDDLE[1]]]).unwrap();
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+        if selected(&state) > 0 {
+            break state;
+        }
+        assert!(begun.elapsed() < PATIENCE, "a sphere selects nothing: {state:?}");
+    };
+    assert!(selected(&sphere) != selected(&polygon), "{sphere:?}");
+    key("ctrl+z");
+    scene(bus, "no sphere", |s| selected(s) == 0).await;
+    key("ctrl+z");
+    scene(bus, "the selection as it was", |s| selected(s) == selected(before)).await;
+    key("Escape");
+    key("b");
 }
 
 /// Sessions that were opened from a stack; ended with their windows when dropped.

@@ -17,6 +17,9 @@ use tokio::sync::Notify;
 /// Most requests, exits and signs of life that wait at a time.
 pub(super) const CAPACITY: usize = 256;
 
+/// Most files that are written at a time.
+pub(super) const MAX_SAVES: usize = 2;
+
 /// A request, with the channel for its answer.
 pub(super) enum Request {
     Ps(PsRequest, Reply<PsReply>),

@@ -7,7 +7,6 @@
 //! - Gaussians and projects come from the scene's own command, and pictures from the session's folder.
 
 use std::ffi::OsString;
-use std::fs::File;
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Component, Path, PathBuf};
@@ -24,10 +23,8 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
 use super::event_loop::Supervisor;
+use super::requests::MAX_SAVES;
 use crate::spawn::{self, LineSink};
-
-/// Most files that are written at a time.
-pub(super) const MAX_SAVES: usize = 2;
 
 /// First bytes of every PNG file.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -163,8 +160,8 @@ fn copy_picture(pictures: &Path, from: &Path, to: &Path, replace: bool) -> Resul
         let mut staged = builder.tempfile_in(folder)?;
         io::copy(&mut file::open(&from)?.file, &mut staged)?;
         staged.as_file().sync_all()?;
-        if replace { staged.persist(to) } else { staged.persist_noclobber(to) }.map_err(|e| e.error)?;
-        File::open(folder)?.sync_all()
+        let named = if replace { staged.persist(to) } else { staged.persist_noclobber(to) };
+        named.map(drop).map_err(|e| e.error)
     };
     write().map_err(fail)
 }

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use egui::containers::menu::{MenuConfig, SubMenuButton};
 use egui::{PopupCloseBehavior, Ui};
-use sg_edit::EditState;
 use sg_formats::files::short_name;
 use sg_proto::launch::save_request::Content;
 use sg_proto::launch::{DrawnPicture, GaussianChoice, GaussianPart, ProjectCopy, SaveRequest};
@@ -12,69 +11,18 @@ use sg_proto::limits::MAX_PICTURE_PIXELS;
 use sg_raster::finish::{Backdrop, Finish};
 
 use super::exporter::{ExportJob, ExportResult};
-use super::file_dialog::{ChosenFile, FileDialogs, FilePurpose};
+use super::file_dialog::ChosenFile;
 use super::file_drop::{self, DroppedFile};
+use super::file_purpose::FilePurpose;
 use super::recent_files::{self, RecentFile};
 use super::shortcuts::{Action, SHORTCUTS};
+use super::window_files::{PictureOptions, WindowFiles};
 use super::window_ui::WindowUi;
 use crate::display::number_format::count;
 use crate::display::{Request, ViewState};
 
 /// Factors on the size of a saved picture.
 const SCALES: [u32; 3] = [1, 2, 4];
-
-/// Most numbered names that are tried for a suggestion.
-const NUMBERS: u32 = 1000;
-
-/// The files around a window.
-#[derive(Debug, Clone, Default)]
-pub struct WindowFiles {
-    /// The file that the person has opened, if the window knows it.
-    pub opened: Option<PathBuf>,
-    /// Folder of the session for pictures on their way to a chosen name; without one no picture gets a name.
-    pub scratch: Option<PathBuf>,
-    /// The settings, which keep the recent files.
-    pub settings: Option<PathBuf>,
-}
-
-/// The state of the file menu.
-#[derive(Default)]
-pub(super) struct FileMenu {
-    pub(super) files: WindowFiles,
-    pub(super) dialogs: FileDialogs,
-    recent: Vec<RecentFile>,
-    is_open: bool,
-    picture: PictureOptions,
-    /// Folder of the file that was chosen last.
-    last_folder: Option<PathBuf>,
-}
-
-/// How a picture is saved.
-#[derive(Debug, Clone, Copy)]
-struct PictureOptions {
-    /// Factor on its size in the window.
-    scale: u32,
-    transparent: bool,
-}
-
-impl Default for PictureOptions {
-    fn default() -> Self {
-        Self { scale: 1, transparent: false }
-    }
-}
-
-impl FileMenu {
-    /// A path to suggest: in the folder of the last file, under a free name.
-    fn suggested(&self, scene: &EditState, pictures: &Path, suffix: &str, ending: &str) -> PathBuf {
-        let opened = self.files.opened.as_deref();
-        let folder = self.last_folder.as_deref().or_else(|| opened?.parent()).unwrap_or(pictures);
-        let stem = short_name(opened.unwrap_or(Path::new(&scene.geometry().path)));
-        let name = |number: String| folder.join(format!("{stem}{suffix}{number}{ending}"));
-        let numbered = (2..NUMBERS).map(|k| name(format!("-{k}")));
-        let first = name(String::new());
-        std::iter::once(first.clone()).chain(numbered).find(|path| !path.exists()).unwrap_or(first)
-    }
-}
 
 impl WindowUi {
     /// Tells the window its files.
@@ -164,7 +112,7 @@ impl WindowUi {
         ui.checkbox(&mut self.file_menu.picture.transparent, "Transparent background");
         ui.separator();
         if ui.button("Save picture…").clicked() {
-            let suggested = self.file_menu.suggested(&state.scene, &self.pictures, "", ".png");
+            let suggested = self.file_menu.suggested(&state.scene.geometry().path, &self.pictures, "", ".png");
             self.file_menu.dialogs.ask(FilePurpose::Picture, suggested);
             ui.close_kind(egui::UiKind::Menu);
         }
@@ -173,13 +121,13 @@ impl WindowUi {
 
     /// Asks for a file to open.
     pub(super) fn ask_open(&mut self, state: &ViewState) {
-        let suggested = self.file_menu.suggested(&state.scene, &self.pictures, "", "");
+        let suggested = self.file_menu.suggested(&state.scene.geometry().path, &self.pictures, "", "");
         self.file_menu.dialogs.ask(FilePurpose::Open, suggested);
     }
 
     /// Asks for the name of a copy.
     pub(super) fn ask_copy(&mut self, state: &ViewState) {
-        let suggested = self.file_menu.suggested(&state.scene, &self.pictures, "-copy", ".sgproj");
+        let suggested = self.file_menu.suggested(&state.scene.geometry().path, &self.pictures, "-copy", ".sgproj");
         self.file_menu.dialogs.ask(FilePurpose::Copy, suggested);
     }
 
@@ -201,7 +149,7 @@ impl WindowUi {
             GaussianPart::Unit => format!("-{}", short_name(Path::new(&choice.unit))),
             _ => "-visible".to_owned(),
         };
-        let suggested = self.file_menu.suggested(&state.scene, &self.pictures, &suffix, ".ply");
+        let suggested = self.file_menu.suggested(&state.scene.geometry().path, &self.pictures, &suffix, ".ply");
         self.file_menu.dialogs.ask(FilePurpose::Export(choice), suggested);
     }
 

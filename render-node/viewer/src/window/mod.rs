@@ -11,8 +11,12 @@ pub(crate) mod exporter;
 mod file_dialog;
 mod file_drop;
 mod file_menu;
+<<<<<<< HEAD
 mod grid;
 mod hints;
+=======
+mod file_purpose;
+>>>>>>> 5a28997198e334d7b0a0cb88f98c4a0971591f1e
 mod image_texture;
 mod lasso;
 mod native_dialog;
@@ -32,6 +36,7 @@ mod shortcuts;
 mod surface;
 mod tool_card;
 mod toolbar;
+mod window_files;
 mod window_ui;
 
 use std::path::PathBuf;
@@ -54,12 +59,20 @@ use sg_raster::render::Quality;
 
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
+<<<<<<< HEAD
 pub use file_menu::WindowFiles;
 pub use hints::Hint;
 pub use navigation::{NavigationMode, Navigator};
 pub use scene_view::MouseTool;
 pub use settings::{Settings, SettingsError};
 pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
+=======
+pub use navigation::{NavigationMode, Navigator};
+pub use scene_view::MouseTool;
+pub use settings::{Settings, SettingsError};
+pub use shortcuts::{MOUSE, SHORTCUTS, Shortcut};
+pub use window_files::WindowFiles;
+>>>>>>> 5a28997198e334d7b0a0cb88f98c4a0971591f1e
 pub use window_ui::WindowUi;
 
 use native_dialog::NativeDialogs;

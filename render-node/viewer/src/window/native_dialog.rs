@@ -9,7 +9,7 @@ use sg_input::file;
 use sg_input::limits::SMALL_TEXT_BYTES;
 use winit::window::Window;
 
-use super::file_dialog::FilePurpose;
+use super::file_purpose::FilePurpose;
 
 /// Environment variable with the address of the session's bus.
 const SESSION_BUS: &str = "DBUS_SESSION_BUS_ADDRESS";

@@ -1,6 +1,6 @@
 //! Polygons: the mouse sets one corner after another, and the closed polygon selects as a lasso does.
 
-use egui::{Color32, Key, Modifiers, Pos2, Rect, Response, Stroke, Ui};
+use egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Response, Stroke, Ui};
 
 use super::scene_view::{MouseTool, SceneView};
 use crate::display::{BrushSign, Request, Tools, ViewState};
@@ -81,18 +81,25 @@ impl SceneView {
             self.polygon.clear();
             return;
         }
-        let (pressed, down, at) =
-            ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down(), i.pointer.interact_pos()));
-        let here = response.is_pointer_button_down_on() || response.hovered();
+        // Each press counts by itself: a slow frame takes both of a double click.
+        let press = |event: &Event| match event {
+            Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => Some(*pos),
+            _ => None,
+        };
+        let (presses, down, at): (Vec<Pos2>, bool, Option<Pos2>) = ui.input(|i| {
+            (i.events.iter().filter_map(press).collect(), i.pointer.primary_down(), i.pointer.interact_pos())
+        });
+        let here = (response.is_pointer_button_down_on() || response.hovered()) && !alt;
         let mut closed = std::mem::take(&mut self.polygon.is_closed);
-        match at {
-            Some(at) if pressed && here && !alt => closed |= self.polygon.press(at),
-            Some(at) if self.polygon.is_held && down => {
-                if let Some(last) = self.polygon.corners.last_mut() {
-                    *last = at;
-                }
+        if presses.is_empty() {
+            if let (Some(at), Some(last)) = (at, self.polygon.corners.last_mut())
+                && self.polygon.is_held
+                && down
+            {
+                *last = at;
             }
-            _ => (),
+        } else if here {
+            closed |= presses.into_iter().filter(|at| response.rect.contains(*at)).any(|at| self.polygon.press(at));
         }
         self.polygon.is_held &= down;
         if closed && self.polygon.corners.len() >= 3 {

@@ -2,10 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::settings::{Settings, SettingsError};
-
-/// Most files in the list.
-pub(super) const MOST: usize = 10;
+use super::settings::{RECENT_FILES, Settings, SettingsError};
 
 /// A file of the list.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,7 +16,7 @@ pub(super) struct RecentFile {
 fn with_newest(recent: Vec<PathBuf>, file: &Path) -> Vec<PathBuf> {
     let newest = file.to_str().map(PathBuf::from);
     let others = recent.into_iter().filter(|path| path != file);
-    newest.into_iter().chain(others).take(MOST).collect()
+    newest.into_iter().chain(others).take(RECENT_FILES).collect()
 }
 
 /// Records an opened file at once, so that windows that open later know it.

@@ -9,10 +9,12 @@ use sg_input::{file, limits};
 
 use super::hints::Hint;
 use super::navigation::NavigationMode;
-use super::recent_files;
 use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
+
+/// Most files that are remembered as opened.
+pub(super) const RECENT_FILES: usize = 10;
 
 /// The layout of a window and the settings of its tools. Missing or unknown entries keep their defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -195,7 +197,7 @@ impl Settings {
         self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
         self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
         self.recent.retain(|path| path.is_absolute());
-        self.recent.truncate(recent_files::MOST);
+        self.recent.truncate(RECENT_FILES);
         self
     }
 }

@@ -346,7 +346,7 @@ impl SceneView {
             let mut drawn: Vec<Drawn> = Vec::new();
             let lines = self.scene_lines(rect);
             // A dark edge below makes the lines visible on every picture.
-            for (color, width) in [(Color32::from_black_alpha(130), 3.5), (color, 1.5)] {
+            for (color, width) in [(Color32::from_black_alpha(130), 4.0), (color, 2.0)] {
                 let style = LineStyle { color, width, hidden: 0.3, unknown: 0.8 };
                 for ends in shape.lines(self.navigator.view.eye) {
                     lines.add(ends, style, &mut drawn);
@@ -396,7 +396,12 @@ impl Shape {
         let decimals = (-(NUMBERS.0 * length).log10()).ceil().clamp(0.0, 12.0) as usize;
         let most = NUMBERS.1 * length;
         let number = |ui: &mut Ui, name: &str, value: &mut f64, least: f64| {
-            let field = DragValue::new(value).speed(SPEED * length).max_decimals(decimals).range(least..=most);
+            let text = move |x: f64, _| {
+                let text = format!("{x:.decimals$}");
+                let digits = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+                digits.to_owned()
+            };
+            let field = DragValue::new(value).speed(SPEED * length).range(least..=most).custom_formatter(text);
             let response = ui.add(field.update_while_editing(false));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         };

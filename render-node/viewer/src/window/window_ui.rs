@@ -22,12 +22,24 @@ use super::bookmarks::Bookmarks;
 use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
+<<<<<<< HEAD
+<<<<<<< HEAD
+use super::file_drop::{self, DroppedFile};
+=======
+>>>>>>> 521291d338d6fbd53dafe5d3de8d739290cf9ed5
 use super::file_menu::FileMenu;
 use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
 use super::scene_view::{MouseTool, SceneView};
 use super::settings::Settings;
 use super::shortcuts::{self, Action, Way};
+=======
+use super::navigation::Navigator;
+use super::scene_view::{MouseTool, SceneView};
+use super::settings::Settings;
+use super::shortcuts::{self, Action};
+use super::window_files::FileMenu;
+>>>>>>> 5a28997198e334d7b0a0cb88f98c4a0971591f1e
 use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,

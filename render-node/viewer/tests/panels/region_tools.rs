@@ -100,12 +100,21 @@ fn a_polygon_is_closed_by_its_first_corner_by_a_double_click_and_by_enter() {
     let corners = [Pos2::new(420.0, 200.0), Pos2::new(560.0, 230.0), Pos2::new(600.0, 380.0), Pos2::new(450.0, 420.0)];
     let expected = legs(&corners.map(Pos2::to_vec2));
     // The last one closes it: on the first corner, as the second of a double click, or by a key.
-    for ends in ["first corner", "double click", "Enter", "Shift and Enter"] {
-        corners.iter().for_each(|corner| desk.click(*corner, Modifiers::NONE));
+    for ends in ["first corner", "double click", "double click in one frame", "Enter", "Shift and Enter"] {
+        let one_by_one = if ends.ends_with("frame") { 3 } else { 4 };
+        corners.iter().take(one_by_one).for_each(|corner| desk.click(*corner, Modifiers::NONE));
         assert_eq!(desk.polygons(), [], "{ends}: it is open");
         match ends {
             "first corner" => desk.click(corners[0] + Vec2::new(3.0, -2.0), Modifiers::NONE),
             "double click" => desk.click(corners[3] + Vec2::new(1.0, 1.0), Modifiers::NONE),
+            "double click in one frame" => {
+                desk.harness.hover_at(corners[3]);
+                for _ in 0..2 {
+                    desk.harness.drag_at(corners[3]);
+                    desk.harness.drop_at(corners[3]);
+                }
+                desk.harness.step();
+            }
             "Enter" => desk.key(Key::Enter),
             _ => {
                 desk.harness.event(egui::Event::ModifiersChanged(Modifiers::SHIFT));
