@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+use sg_input::number_format::grouped;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
@@ -229,8 +230,7 @@ fn saved_line(request: &SaveRequest, reply: &SaveReply) -> String {
     let path = short(Path::new(&request.path));
     match &request.content {
         Some(Content::Gaussians(_)) => {
-            let count = usize::try_from(reply.gaussians).unwrap_or(usize::MAX);
-            format!("Saved {} splats to {path}", sg_edit::grouped(count))
+            format!("Saved {} splats to {path}", grouped(reply.gaussians))
         }
         Some(Content::Project(_)) => format!("Saved a copy of the project to {path}"),
         Some(Content::Picture(_)) => format!("Saved the picture to {path}"),

@@ -70,7 +70,9 @@ pub(crate) enum ExportResult {
 #[derive(Debug)]
 pub(crate) struct Exporter {
     worker: LatestWorker<(ExportJob, Arc<AtomicBool>), Result<ExportResult, String>>,
-    /// Finished pictures of the current turn, and their total.
+    /// Whether a turn is queued or under way.
+    is_turning: Arc<AtomicBool>,
+    /// Finished pictures of the current turn.
     done: Arc<AtomicU32>,
     /// Pictures that are in its video.
     in_video_count: Arc<AtomicU32>,
@@ -94,7 +96,8 @@ impl Exporter {
     ) -> std::io::Result<Self> {
         let done = Arc::new(AtomicU32::new(0));
         let in_video_count = Arc::new(AtomicU32::new(0));
-        let (counted, in_video) = (Arc::clone(&done), Arc::clone(&in_video_count));
+        let is_turning = Arc::new(AtomicBool::new(false));
+        let (counted, in_video, turning) = (Arc::clone(&done), Arc::clone(&in_video_count), Arc::clone(&is_turning));
         let work = move |(job, stop): (ExportJob, Arc<AtomicBool>)| {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
@@ -107,9 +110,11 @@ impl Exporter {
             });
             counted.store(0, Ordering::Relaxed);
             in_video.store(0, Ordering::Relaxed);
+            turning.store(false, Ordering::Relaxed);
             exported
         };
-        Ok(Self { worker: LatestWorker::new("keeps", work, wake)?, done, in_video_count, cancelled: Mutex::default() })
+        let worker = LatestWorker::new("keeps", work, wake)?;
+        Ok(Self { worker, is_turning, done, in_video_count, cancelled: Mutex::default() })
     }
 
     /// Queues an export; it replaces a queued one that has not begun.
@@ -118,6 +123,9 @@ impl Exporter {
         let mut cancelled = self.cancelled.lock().unwrap_or_else(PoisonError::into_inner);
         cancelled.retain(|one| one.strong_count() > 0);
         cancelled.push(Arc::downgrade(&stop));
+        if matches!(job, ExportJob::Turn(..)) {
+            self.is_turning.store(true, Ordering::Relaxed);
+        }
         self.worker.submit((job, stop));
     }
 
@@ -138,7 +146,7 @@ impl Exporter {
     pub(crate) fn progress(&self) -> Option<(f32, &'static str)> {
         let share = |count: &AtomicU32| (count.load(Ordering::Relaxed) as f32 / TURN as f32).min(1.0);
         match (share(&self.done), share(&self.in_video_count)) {
-            (0.0, _) => None,
+            (0.0, _) if !self.is_turning.load(Ordering::Relaxed) => None,
             (1.0, in_video_count) => Some((in_video_count, "video")),
             (drawn, _) => Some((drawn, "turntable")),
         }

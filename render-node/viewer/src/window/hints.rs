@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use crate::display::ViewState;
 use crate::panels::theme;
 
-/// Points between a hint in the picture and the picture's edge, and half the width of its arrow at the hint.
+/// Points between a hint in the picture and the picture's edge, and of the head of its arrow.
 const GAP: f32 = 10.0;
-const HALF_ARROW: f32 = 6.0;
+const HEAD: f32 = 10.0;
 
 /// One hint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,8 +99,10 @@ pub(super) fn show(ui: &Ui, places: HintPlaces, picture: Rect, state: &ViewState
             });
         });
         let edge = if is_right_of_it { card.response.rect.left_center() } else { card.response.rect.right_center() };
-        let half = Vec2::new(0.0, HALF_ARROW);
-        let arrow = vec![edge - half, side, edge + half];
+        // A thin line over other controls, and a head at its end.
+        let (back, half) = (side + Vec2::new((edge.x - side.x).signum() * HEAD, 0.0), Vec2::new(0.0, 0.5 * HEAD));
+        ui.painter().with_clip_rect(screen).line_segment([edge, back], Stroke::new(2.0, fill));
+        let arrow = vec![back - half, side, back + half];
         ui.painter().with_clip_rect(screen).add(Shape::convex_polygon(
             arrow,
             fill,

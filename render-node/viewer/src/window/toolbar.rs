@@ -169,7 +169,7 @@ impl WindowUi {
             egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
                 // Lines as close as text is, not as buttons are.
                 ui.spacing_mut().interact_size.y = 0.0;
-                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 2.0 * scale]);
+                let grid = |name: &str| egui::Grid::new(name.to_owned()).spacing([14.0 * scale, 0.0]);
                 let list = |ui: &mut Ui, group: Group| {
                     ui.colored_label(ui.visuals().hyperlink_color, group.title());
                     grid(group.title()).show(ui, |ui| {

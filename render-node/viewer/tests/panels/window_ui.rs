@@ -362,3 +362,21 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
     harness.step();
     assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
 }
+
+#[test]
+fn a_turntable_shows_its_progress_at_rest_and_escape_cancels_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, _service) = desk_of(&Settings::default(), Vec2::new(640.0, 480.0), folder.path());
+    harness.run_steps(3);
+    harness.key_press(egui::Key::T);
+    harness.run_steps(2);
+    let shown = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
+    assert!(shown < std::time::Duration::from_secs(1), "nothing else draws the progress: {shown:?}");
+    harness.key_press(egui::Key::Escape);
+    let began = std::time::Instant::now();
+    while harness.query_by_label_contains("turntable cancelled").is_none() {
+        assert!(began.elapsed() < std::time::Duration::from_secs(60), "it is not cancelled");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        harness.step();
+    }
+}
