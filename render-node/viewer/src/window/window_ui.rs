@@ -22,12 +22,12 @@ use super::bookmarks::Bookmarks;
 use super::drawing;
 use super::error::WindowError;
 use super::exporter::{ExportJob, Exporter};
-use super::file_menu::FileMenu;
 use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
 use super::scene_view::{MouseTool, SceneView};
 use super::settings::Settings;
 use super::shortcuts::{self, Action, Way};
+use super::window_files::FileMenu;
 use crate::display::{
     AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
     ViewPort, ViewState,
