@@ -193,7 +193,7 @@ impl WindowUi {
         let backdrop = if transparent { Backdrop::Transparent } else { finish.backdrop };
         let finish = Finish { backdrop, ..finish };
         self.line = format!("drawing {}", path.display());
-        self.exporter.export(ExportJob::NamedPicture {
+        self.exporter.export(&self.scene, ExportJob::NamedPicture {
             camera: Box::new(camera),
             appearance,
             finish,

@@ -14,17 +14,18 @@ use sg_scene::orientation::{Axis, Orientation};
 use sg_scene::view::View;
 
 use super::contour::Contour;
-use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
+use super::drawing::{self, DrawnPicture, FrontJob, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
 use super::grid::GroundGrid;
 use super::image_texture::show_image;
+use super::move_tool::MoveTool;
 use super::navigation::{NavigationMode, Navigator};
 use super::occlusion::OcclusionWorker;
 use super::polygon::Polygon;
 use super::shape_tool::ShapeTool;
 use crate::display::{
-    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
-    ViewState,
+    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, FollowedScene, LatestWorker, Level, Request,
+    Tools, ViewState,
 };
 use crate::panels::Icon;
 use sg_gpu::Gpu;
@@ -51,12 +52,14 @@ pub enum MouseTool {
     Sphere,
     /// Draws a box about a place of the surface.
     Box,
+    /// Moves, turns and scales the selection.
+    Move,
 }
 
 impl MouseTool {
     /// All, in the order of the toolbar.
-    pub const ALL: [Self; 7] =
-        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box];
+    pub const ALL: [Self; 8] =
+        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box, Self::Move];
 
     /// Name in the window.
     #[must_use]
@@ -69,6 +72,7 @@ impl MouseTool {
             Self::Polygon => "polygon",
             Self::Sphere => "sphere",
             Self::Box => "box",
+            Self::Move => "move",
         }
     }
 
@@ -82,6 +86,7 @@ impl MouseTool {
             Self::Polygon => Icon::Polygon,
             Self::Sphere => Icon::Sphere,
             Self::Box => Icon::Cube,
+            Self::Move => Icon::Move,
         }
     }
 
@@ -96,6 +101,7 @@ impl MouseTool {
             Self::Polygon => "Clicks set corners, Enter selects what is inside; with Shift it takes away. (J)",
             Self::Sphere => "A drag from a surface selects what is in the sphere; with Shift it takes away. (O)",
             Self::Box => "A drag from a surface selects what is in the box; with Shift it takes away. (C)",
+            Self::Move => "Arrows move the selection, rings turn it, the square scales it. (Shift+M)",
         }
     }
 }
@@ -120,6 +126,7 @@ const SPEED: f64 = 0.4;
 
 /// The input of a requested picture.
 struct PictureRequest {
+    scene: Arc<Scene>,
     cameras: Vec<Camera>,
     appearance: Appearance,
     outlines: bool,
@@ -132,7 +139,10 @@ struct PictureRequest {
 impl PartialEq for PictureRequest {
     fn eq(&self, other: &Self) -> bool {
         let flags = |r: &Self| (r.outlines, r.gradient, r.quality, r.projection);
-        self.cameras == other.cameras && flags(self) == flags(other) && same(&self.appearance, &other.appearance)
+        Arc::ptr_eq(&self.scene, &other.scene)
+            && self.cameras == other.cameras
+            && flags(self) == flags(other)
+            && same(&self.appearance, &other.appearance)
     }
 }
 
@@ -162,7 +172,7 @@ pub(super) struct SceneView {
     pub(super) brush_controller: BrushController,
     picture_worker: LatestWorker<PictureJob, DrawnPicture>,
     occlusion_worker: OcclusionWorker,
-    front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
+    front_worker: LatestWorker<FrontJob, Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
     /// Number of `front`: it counts up with each one found.
     pub(super) front_number: u64,
@@ -188,6 +198,7 @@ pub(super) struct SceneView {
     pub(super) lasso: Vec<Pos2>,
     pub(super) polygon: Polygon,
     pub(super) shape_tool: ShapeTool,
+    pub(super) move_tool: MoveTool,
     pub(super) ground_grid: GroundGrid,
     /// Notches of the wheel for the last walk.
     pub(super) notches: f64,
@@ -226,12 +237,12 @@ impl SceneView {
             mouse_tool: MouseTool::default(),
             stereo: false,
             brush_controller,
-            occlusion_worker: OcclusionWorker::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone())
-                .map_err(threads)?,
+            occlusion_worker: OcclusionWorker::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
             picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            ground_grid: GroundGrid::new(Arc::clone(&scene), wake.clone()).map_err(threads)?,
-            shape_tool: ShapeTool::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
+            ground_grid: GroundGrid::new(wake.clone()).map_err(threads)?,
+            shape_tool: ShapeTool::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
+            move_tool: MoveTool::new(wake.clone()).map_err(threads)?,
+            front_worker: drawing::fronts(pool, wake).map_err(threads)?,
             scene,
             front: None,
             front_number: 0,
@@ -256,6 +267,16 @@ impl SceneView {
         })
     }
 
+    /// Shows the same Gaussians, some of them elsewhere.
+    pub(super) fn show_scene(&mut self, followed: FollowedScene) {
+        self.scene = followed.scene;
+        if let Some(brush) = followed.brush {
+            self.brush_controller.set_brush(brush);
+        }
+        // The surface in front is that of the former places.
+        (self.front, self.requested_front) = (None, None);
+    }
+
     /// Pictures that were late while something moved.
     pub(super) fn late(&self) -> u64 {
         self.adaptive_quality.late()
@@ -267,15 +288,16 @@ impl SceneView {
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
             && self.shape_tool.is_idle()
+            && self.move_tool.is_idle()
             && self.ground_grid.is_idle()
     }
 
     /// Shows the scene's `first` view at the shape of `rect` for as long as the eye stays there, and frames it anew when the
-    /// window changes its shape.
-    pub(super) fn keep_framed(&mut self, first: &mut FirstView, shared: View, rect: Rect) {
+    /// window changes its shape. `file` is the scene without edits.
+    pub(super) fn keep_framed(&mut self, first: &mut FirstView, file: &Scene, shared: View, rect: Rect) {
         if self.framed == Some(self.navigator.view) || self.navigator.view == shared {
             let aspect = f64::from(rect.width().max(1.0)) / f64::from(rect.height().max(1.0));
-            let view = first.shown(&self.scene, shared, aspect);
+            let view = first.shown(file, shared, aspect);
             self.framed = (view != shared).then_some(view);
             self.navigator.view = view;
         }
@@ -333,12 +355,13 @@ impl SceneView {
         self.on_device.take()
     }
 
-    /// Gives up a stroke, a lasso, a polygon or a shape.
+    /// Gives up a stroke, a lasso, a polygon, a shape or a move.
     pub(super) fn abandon(&mut self) {
         self.brush_controller.abandon();
         self.lasso.clear();
         self.polygon.clear();
         self.shape_tool.clear();
+        self.move_tool.clear();
     }
 
     /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here or of a shape.
@@ -383,9 +406,15 @@ impl SceneView {
                 self.navigator.approach(NOTCH.powf(notches));
             }
         }
+        let mut requests = Vec::new();
         let left = response.dragged_by(egui::PointerButton::Primary);
+        let is_move = self.mouse_tool == MouseTool::Move;
+        if !is_move {
+            self.move_tool.clear();
+        }
+        let holds_gizmo = is_move && self.drag_gizmo(ui, &response, alt, (state, &*tools), &mut requests);
         let turns = response.dragged_by(egui::PointerButton::Middle) || (left && alt);
-        if turns || (left && self.mouse_tool == MouseTool::Navigate) {
+        if turns || (left && (self.mouse_tool == MouseTool::Navigate || (is_move && !holds_gizmo))) {
             self.navigator.turn(delta);
         } else if response.dragged_by(egui::PointerButton::Secondary) {
             self.navigator.slide(delta);
@@ -397,7 +426,6 @@ impl SceneView {
             self.fly(ui, dt);
         }
         let sign = if shift { BrushSign::Remove } else { BrushSign::Add };
-        let mut requests = Vec::new();
         if self.mouse_tool != MouseTool::Brush {
             self.hover = None;
         }
@@ -408,7 +436,7 @@ impl SceneView {
             self.shape_tool.clear();
         }
         match self.mouse_tool {
-            MouseTool::Navigate => (),
+            MouseTool::Navigate | MouseTool::Move => (),
             MouseTool::Brush => self.brush(ui, &response, alt, sign, tools, state, &mut requests),
             MouseTool::Lasso | MouseTool::Rectangle => {
                 self.draw_around(&response, alt, sign, (state, tools), &mut requests);
@@ -489,7 +517,7 @@ impl SceneView {
     pub(super) fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
         let place = at - rect.min;
-        Some(front.at(&self.scene, DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
+        Some(front.at(DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
     }
 
     /// Cameras of the picture in pixels of the screen.
@@ -521,6 +549,7 @@ impl SceneView {
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
         self.take_in(ui);
         let requested = PictureRequest {
+            scene: Arc::clone(&self.scene),
             cameras,
             appearance: appearance.clone(),
             outlines: outlines.is_some(),
@@ -537,14 +566,15 @@ impl SceneView {
         let moving = now.duration_since(self.changed) < SETTLES;
         if !self.settled
             && self.picture_worker.is_idle()
-            && let Some(PictureRequest { cameras, appearance, .. }) = &self.requested
+            && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
             let level = self.adaptive_quality.level(tools.quality, moving);
             let projection = tools.projection;
-            let (cameras, appearance) = (cameras.clone(), appearance.clone());
+            let (scene, cameras, appearance) = (Arc::clone(scene), cameras.clone(), appearance.clone());
             let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
             let finish = Finish::to_look_at(appearance.background, tools.gradient);
             self.picture_worker.submit(PictureJob {
+                scene,
                 cameras,
                 appearance,
                 level,
@@ -586,7 +616,7 @@ impl SceneView {
 
     /// The newest ambient occlusion, where it is wanted.
     pub(super) fn occlusion(&mut self, appearance: &Appearance, tools: &Tools) -> Option<Arc<[f32]>> {
-        tools.occlusion.then(|| self.occlusion_worker.factors(appearance)).flatten()
+        tools.occlusion.then(|| self.occlusion_worker.factors(&self.scene, appearance)).flatten()
     }
 
     fn take_in(&mut self, ui: &Ui) {
@@ -641,7 +671,8 @@ impl SceneView {
         let wanted =
             (self.camera(rect), Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() });
         if self.requested_front.as_ref() != Some(&wanted) {
-            self.front_worker.submit(wanted.clone());
+            let (camera, appearance) = wanted.clone();
+            self.front_worker.submit((Arc::clone(&self.scene), camera, appearance));
             self.requested_front = Some(wanted);
         }
     }

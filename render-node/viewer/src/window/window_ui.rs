@@ -29,8 +29,8 @@ use super::settings::Settings;
 use super::shortcuts::{self, Action, Way};
 use super::window_files::FileMenu;
 use crate::display::{
-    AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request, Tools,
-    ViewPort, ViewState,
+    AppearanceBuilder, BrushController, BrushMode, DisplayMode, Drafts, FrameStats, ParameterDrag, Request,
+    SceneFollower, Tools, ViewPort, ViewState,
 };
 use crate::panels::{
     DisplayAction, Dock, NARROWEST, Output, Panel, PanelHost, Panels, crop_to_selection, delete_selection,
@@ -69,7 +69,11 @@ const DRAG_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// The window's content.
 pub struct WindowUi {
-    scene: Arc<Scene>,
+    /// The scene as its file has it.
+    file: Arc<Scene>,
+    /// The scene with Gaussians where edits put them, and what finds it.
+    pub(super) scene: Arc<Scene>,
+    follower: SceneFollower,
     pub(super) view_port: ViewPort,
     pub(super) tools: Tools,
     drafts: Drafts,
@@ -118,9 +122,12 @@ impl WindowUi {
         view_port.on_update(wake.clone());
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
-        let mut navigator = Navigator::new(shared, scene.bounds);
-        navigator.near = near_distance(&scene);
+        let file = scene;
+        let mut navigator = Navigator::new(shared, file.bounds);
+        navigator.near = near_distance(&file);
         navigator.navigation_mode = settings.navigation_mode;
+        let (follower, scene) = SceneFollower::new(Arc::clone(&file), Arc::clone(&first.scene), wake.clone())
+            .map_err(|e| WindowError::Threads(e.to_string()))?;
         let brush = Arc::new(Brush::of_scene(&scene));
         let name = format!("window-{}", std::process::id());
         let brush_controller = BrushController::new(&scene, brush, name);
@@ -128,15 +135,17 @@ impl WindowUi {
         let mut scene_view =
             SceneView::new(engine, Arc::clone(&scene), navigator, brush_controller, Arc::clone(&pool), wake.clone())?;
         scene_view.mouse_tool = settings.mouse_tool;
-        let exporter = Exporter::new(Arc::clone(&scene), pictures.clone(), pool, wake)
+        let exporter = Exporter::new(pictures.clone(), pool, wake)
             .map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut panels = Panels::new(PanelHost::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
         Ok(Self {
-            first_view: FirstView::of(&scene),
+            first_view: FirstView::of(&file),
+            file,
             scene,
+            follower,
             view_port,
             tools,
             drafts: Drafts::default(),
@@ -206,7 +215,7 @@ impl WindowUi {
     /// Whether the best picture of the present state is shown.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.scene_view.is_settled()
+        self.scene_view.is_settled() && self.follower.is_idle()
     }
 
     /// Recreates textures at the next frame, for another context. Pictures may stay on the device of `shown_by`, under that
@@ -239,6 +248,10 @@ impl WindowUi {
         if let Some(left) = self.drafts.expires_in() {
             ui.ctx().request_repaint_after(left);
         }
+        if let Some(followed) = self.follower.follow(&drafted, self.drafts.is_held()) {
+            self.scene = Arc::clone(&followed.scene);
+            self.scene_view.show_scene(followed);
+        }
         let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
@@ -262,7 +275,7 @@ impl WindowUi {
         let mut picture = Rect::NOTHING;
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
             picture = ui.available_rect_before_wrap();
-            self.scene_view.keep_framed(&mut self.first_view, self.shared, ui.available_rect_before_wrap());
+            self.scene_view.keep_framed(&mut self.first_view, &self.file, self.shared, ui.available_rect_before_wrap());
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
@@ -281,10 +294,12 @@ impl WindowUi {
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
             self.scene_view.show_shape(ui, response.rect, (&state, &self.tools), &mut requests);
+            self.scene_view.show_move_tool(ui, response.rect, (&state, &self.tools), &mut requests);
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
         });
+        self.take_move_draft(ui, &state);
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));
@@ -307,6 +322,19 @@ impl WindowUi {
             engine: seen.engine.clone(),
             revision: state.scene.revision(),
         });
+    }
+
+    /// Shows the change of the tool that moves the selection, or shows it no more.
+    fn take_move_draft(&mut self, ui: &Ui, state: &ViewState) {
+        let (is_dropped, draft) = self.scene_view.move_tool.take_draft();
+        if is_dropped {
+            self.drafts.drop_held();
+        }
+        if is_dropped || draft.is_some() {
+            // The scene is found beside the loop, from the next frame on.
+            ui.ctx().request_repaint();
+        }
+        Output { draft, ..Output::default() }.show_draft(&mut self.drafts, state);
     }
 
     /// Panels beside the picture, at the sides that the table of panels gives them.
@@ -452,6 +480,7 @@ impl WindowUi {
             Action::Polygon => self.scene_view.mouse_tool = MouseTool::Polygon,
             Action::Sphere => self.scene_view.mouse_tool = MouseTool::Sphere,
             Action::Box => self.scene_view.mouse_tool = MouseTool::Box,
+            Action::Move => self.scene_view.mouse_tool = MouseTool::Move,
             Action::Walk => self.tools.mode = BrushMode::Walk,
             Action::Cluster => self.tools.mode = BrushMode::Cluster,
             Action::Point => self.tools.mode = BrushMode::Point,
@@ -577,14 +606,14 @@ impl WindowUi {
         let [width, height] = self.scene_view.size();
         let camera = self.scene_view.navigator.camera(width, height);
         let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
-        self.exporter.export(ExportJob::Picture(Box::new(camera), appearance, finish));
+        self.exporter.export(&self.scene, ExportJob::Picture(Box::new(camera), appearance, finish));
     }
 
     fn export_turn(&mut self, state: &ViewState) {
         let appearance = self.export_appearance(state);
         let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
         let (navigator, size) = (self.scene_view.navigator, self.scene_view.size());
-        self.exporter.export(ExportJob::Turn(navigator, size, appearance, finish));
+        self.exporter.export(&self.scene, ExportJob::Turn(navigator, size, appearance, finish));
         self.line = "drawing a turn around the scene; Esc cancels".to_owned();
     }
 

@@ -2,14 +2,14 @@
 
 use super::error::EditError;
 use super::state::{Change, EditState, Unit};
+use super::placement::PlacedScene;
 use sg_proto::limits::MAX_UNITS;
-use sg_scene::model::Scene;
 
 /// A copy of the state that one command changes; dropped if the command is refused.
 #[derive(Debug)]
 pub(super) struct Transaction<'a> {
     /// The geometry, for framing.
-    pub(super) scene: &'a Scene,
+    pub(super) scene: &'a PlacedScene,
     /// The state as the scene was opened.
     pub(super) initial: &'a EditState,
     /// The state being changed.
