@@ -171,6 +171,12 @@ impl WindowUi {
         })
     }
 
+    /// The scene with Gaussians where the window shows them.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
@@ -299,7 +305,7 @@ impl WindowUi {
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
         });
-        self.take_move_draft(ui, &state);
+        self.take_move_draft(ui, &newest);
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));
@@ -324,8 +330,9 @@ impl WindowUi {
         });
     }
 
-    /// Shows the change of the tool that moves the selection, or shows it no more.
-    fn take_move_draft(&mut self, ui: &Ui, state: &ViewState) {
+    /// Shows the change of the tool that moves the selection, or shows it no more. `newest` is the state without drafts: a released
+    /// move shows until the scene is past that revision, and over its own result it would be shown twice.
+    fn take_move_draft(&mut self, ui: &Ui, newest: &ViewState) {
         let (is_dropped, draft) = self.scene_view.move_tool.take_draft();
         if is_dropped {
             self.drafts.drop_held();
@@ -334,7 +341,7 @@ impl WindowUi {
             // The scene is found beside the loop, from the next frame on.
             ui.ctx().request_repaint();
         }
-        Output { draft, ..Output::default() }.show_draft(&mut self.drafts, state);
+        Output { draft, ..Output::default() }.show_draft(&mut self.drafts, newest);
     }
 
     /// Panels beside the picture, at the sides that the table of panels gives them.
