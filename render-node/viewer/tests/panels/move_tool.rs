@@ -187,10 +187,10 @@ fn esc_gives_a_move_up_and_a_drag_beside_the_gizmo_turns_the_eye() {
     desk.settle();
     assert_eq!((moved(&desk, 5), desk.asked()), (DVec3::ZERO, vec![]));
     let (before, (_, way)) = (desk.square().unwrap(), desk.arrow());
-    let beside = Pos2::new(before.x, before.y + 200.0);
+    let beside = Pos2::new(before.x - 180.0, before.y);
     desk.pressed(beside);
     desk.dragged(beside + egui::Vec2::new(80.0, 10.0));
-    desk.harness.drop_at(beside);
+    desk.harness.drop_at(beside + egui::Vec2::new(80.0, 10.0));
     desk.settle();
     assert_eq!((moved(&desk, 5), desk.asked()), (DVec3::ZERO, vec![]));
     assert!((desk.arrow().1 - way).length() > 0.05, "the eye has turned");
