@@ -108,7 +108,7 @@ fn it_is_the_focus_then_the_selection_then_nothing() {
     assert!(selected.selection && selected.units.is_empty());
     let nothing = target(&it, &unselected()).unwrap_err();
     assert_eq!(nothing.code, Code::FailedPrecondition);
-    assert!(nothing.message.contains("“it”") && nothing.message.contains("parent vessel"), "{nothing}");
+    assert_eq!(nothing.message, "Which structure? Names: parent vessel, leaves, sac, left root.");
 }
 
 #[test]
