@@ -15,6 +15,7 @@ use sg_gpu::backend::Engine;
 use sg_proto::keys::{self, role};
 use sg_proto::render as proto;
 use sg_proto::selection::Preview;
+use sg_raster::finish::{Backdrop, Finish};
 use sg_raster::image::Image;
 use sg_raster::image_error::FOOTPRINT;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
@@ -398,7 +399,12 @@ impl RenderActor {
         let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
         let (mut npy, mut png) = (Vec::new(), Vec::new());
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
-        image.write_png(&mut png).map_err(|e| kept(&e))?;
+        if request.transparent {
+            let finish = Finish { backdrop: Backdrop::Transparent, ..Finish::to_look_at(look.background, false) };
+            image.write_finished_png(look.background, &finish, &mut png).map_err(|e| kept(&e))?;
+        } else {
+            image.write_png(&mut png).map_err(|e| kept(&e))?;
+        }
         let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
         let (png_hash, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
         Ok(proto::Frame {

@@ -325,6 +325,7 @@ async fn tell(
         let now = ending.writer.frame_stats();
         state_message.revision = now.revision;
         (state_message.frames, state_message.shown, state_message.late) = (now.pictures, now.frames, now.late);
+        [state_message.width, state_message.height] = now.size;
         state_message.render_ms = 1e3 * now.seconds;
         if !now.engine.is_empty() {
             state_message.engine = now.engine;

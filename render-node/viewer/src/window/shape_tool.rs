@@ -16,8 +16,9 @@ use sg_scene::orientation::LengthUnit;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::operations::{self, Operation};
 
+use super::mouse_tool::MouseTool;
 use super::scene_lines::LineStyle;
-use super::scene_view::{MouseTool, SceneView};
+use super::scene_view::SceneView;
 use super::tool_card;
 use crate::display::number_format::count;
 use crate::display::{BrushSign, LatestWorker, Request, Tools, ViewState};
