@@ -15,6 +15,7 @@ use sg_gpu::backend::Engine;
 use sg_proto::keys::{self, role};
 use sg_proto::render as proto;
 use sg_proto::selection::Preview;
+use sg_raster::finish::{Backdrop, Finish};
 use sg_raster::image::Image;
 use sg_raster::image_error::FOOTPRINT;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
@@ -323,7 +324,8 @@ impl RenderActor {
         let hit = self.work(|actor| {
             actor.follow(state)?;
             let scene = actor.engine.scene();
-            let view = actor.first_view.shown(actor.placed.file(), state.view(), aspect([request.width, request.height]));
+            let view =
+                actor.first_view.shown(actor.placed.file(), state.view(), aspect([request.width, request.height]));
             pick::pick(scene, (state, view, actor.near), request)
         })?;
         // A scene without a selection process has no clusters, but picking works all the same.
@@ -406,7 +408,12 @@ impl RenderActor {
         let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
         let (mut npy, mut png) = (Vec::new(), Vec::new());
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
-        image.write_png(&mut png).map_err(|e| kept(&e))?;
+        if request.transparent {
+            let finish = Finish { backdrop: Backdrop::Transparent, ..Finish::to_look_at(look.background, false) };
+            image.write_finished_png(look.background, &finish, &mut png).map_err(|e| kept(&e))?;
+        } else {
+            image.write_png(&mut png).map_err(|e| kept(&e))?;
+        }
         let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
         let (png_hash, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
         Ok(proto::Frame {

@@ -19,7 +19,6 @@ use sg_scene::affine::NormalTransform;
 use sg_scene::appearance::Appearance;
 use sg_scene::model::{BaseUnit, Scene, ShadingModel};
 
-
 /// Cells along the longest edge of what is visible.
 const CELLS: u32 = 96;
 

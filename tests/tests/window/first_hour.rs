@@ -116,7 +116,7 @@ impl Desk {
         // The whole window is on the screen, its status line too.
         let begun = Instant::now();
         let place = loop {
-            let [left, top, width, height] = self.place(&window);
+            let [left, top, width, height] = self.screen.place(&window).unwrap();
             if left + width <= SIZE[0] as i32 && top + height <= SIZE[1] as i32 {
                 break [left, top, width, height];
             }
@@ -145,15 +145,6 @@ impl Desk {
         let [session] = &running[..] else { panic!("{running:?} run") };
         let socket = self.run_root().join(session).join("bus.sock");
         Bus::connect(session, role::CLI, &endpoint_of(&socket)).await.unwrap()
-    }
-
-    fn place(&self, window: &str) -> [i32; 4] {
-        let told = self.screen.act(&["getwindowgeometry", "--shell", window]).unwrap();
-        let of = |name: &str| {
-            let line = told.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('='));
-            line.unwrap().parse().unwrap()
-        };
-        ["X", "Y", "WIDTH", "HEIGHT"].map(of)
     }
 }
 

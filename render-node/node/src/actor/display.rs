@@ -66,8 +66,7 @@ pub(super) async fn open(
     let (opened_sender, opened_receiver) = oneshot::channel();
     let run_dir = host.run_dir().to_owned();
     let scratch = host.blobs().folder().to_owned();
-    let setup =
-        DisplaySetup { scene, view_port, params: params.clone(), run_dir, scratch, opened_sender };
+    let setup = DisplaySetup { scene, view_port, params: params.clone(), run_dir, scratch, opened_sender };
     let (ended, thread) = run(host.clone(), setup, &writer)?;
     let OpenDisplay { display, blocked_call } = tokio::select! {
         opened = opened_receiver => match opened {
@@ -325,6 +324,7 @@ async fn tell(
         let now = ending.writer.frame_stats();
         state_message.revision = now.revision;
         (state_message.frames, state_message.shown, state_message.late) = (now.pictures, now.frames, now.late);
+        [state_message.width, state_message.height] = now.size;
         state_message.render_ms = 1e3 * now.seconds;
         if !now.engine.is_empty() {
             state_message.engine = now.engine;

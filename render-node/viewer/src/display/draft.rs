@@ -44,7 +44,7 @@ impl Drafts {
         self.held.take_if(|draft| draft.asked.is_none());
     }
 
-    /// Whether a hand is at a change, or one that was requested is not confirmed yet.
+    /// Whether a hand is at a change that was not requested.
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.held.as_ref().is_some_and(|draft| draft.asked.is_none())

@@ -95,6 +95,11 @@ impl Panels {
         self.text_input.field().is_some()
     }
 
+    /// Whether a text field gets the focus as soon as it is drawn.
+    pub(crate) fn awaits_letters(&self) -> bool {
+        self.text_input.is_awaited()
+    }
+
     /// Has letters go to the name of a new unit as soon as that is drawn.
     pub fn name_selection(&mut self) {
         self.text_input.turn_to(text_input::Field::SaveName);

@@ -556,6 +556,7 @@ impl VrView {
             seconds: timing.work,
             engine: self.eyes.as_ref().map(engine).unwrap_or_default(),
             revision: self.revision,
+            size: [0, 0],
         });
     }
 }

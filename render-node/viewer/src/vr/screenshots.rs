@@ -62,9 +62,9 @@ impl Screenshots {
     /// Begins a picture of what a head sees of the placed scene. It replaces one that waits.
     pub(super) fn take(&mut self, head: &Pose, placement: &Placement, appearance: Appearance) {
         if self.exporter.is_none() {
-            let made = window::threads().map_err(|e| e.to_string()).and_then(|pool| {
-                Exporter::new(self.folder.clone(), pool, || ()).map_err(|e| e.to_string())
-            });
+            let made = window::threads()
+                .map_err(|e| e.to_string())
+                .and_then(|pool| Exporter::new(self.folder.clone(), pool, || ()).map_err(|e| e.to_string()));
             match made {
                 Ok(exporter) => self.exporter = Some(exporter),
                 Err(error) => {

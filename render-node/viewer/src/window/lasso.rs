@@ -6,7 +6,8 @@ use sg_proto::scene::{Combine, InLasso, SelectionOperation, SelectionStep, selec
 use sg_proto::selection::StrokesRequest;
 use sg_scene::camera::Camera;
 
-use super::scene_view::{MouseTool, SceneView};
+use super::mouse_tool::MouseTool;
+use super::scene_view::SceneView;
 use crate::display::{BrushSign, Request, Tools, ViewState};
 
 /// Fewest pixels between two corners of a lasso, and most corners.

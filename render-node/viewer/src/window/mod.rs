@@ -3,8 +3,10 @@
 //! The loop draws the newest state and never waits. Pictures are made beside it ([`crate::display::LatestWorker`]). A
 //! person's requests go to a [`ViewPort`].
 
+mod actions;
 mod bookmarks;
 mod contour;
+mod docks;
 mod drawing;
 mod error;
 pub(crate) mod exporter;
@@ -17,21 +19,26 @@ mod grid;
 mod hints;
 mod image_texture;
 mod lasso;
+mod mouse_tool;
 mod move_tool;
 mod native_dialog;
 mod navigation;
 mod occlusion;
 mod orientation_cube;
 mod overlay;
+mod picture_request;
 mod polygon;
+mod progress_window;
 mod recent_files;
 mod scale_bar;
 mod scene_lines;
+mod scene_mouse;
 mod scene_view;
 mod settings;
 mod shape_tool;
 mod shared_texture;
 mod shortcuts;
+mod spacing_dialog;
 mod surface;
 mod tool_card;
 mod toolbar;
@@ -59,8 +66,9 @@ use sg_raster::render::Quality;
 pub use drawing::{at_low_priority, threads};
 pub use error::WindowError;
 pub use hints::Hint;
+pub use mouse_tool::MouseTool;
 pub use navigation::{NavigationMode, Navigator};
-pub use scene_view::MouseTool;
+pub use progress_window::{ProgressUi, ProgressUpdate, show_progress};
 pub use settings::{Settings, SettingsError};
 pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
 pub use window_files::WindowFiles;

@@ -12,10 +12,12 @@ use sg_scene::model::Scene;
 use sg_scene::orientation::LengthUnit;
 
 use super::gizmo::{AXES, Change, Drag, Gizmo, Handle};
-use super::scene_view::{MouseTool, SceneView};
+use super::mouse_tool::MouseTool;
+use super::scene_view::SceneView;
 use super::tool_card;
+use super::window_ui::WindowUi;
 use crate::display::{LatestWorker, Request, Tools, ViewState};
-use crate::panels::Draft;
+use crate::panels::{Draft, Output};
 
 /// A drag over one point changes a shift by this share of the scene's longest edge, an angle by so many degrees, a factor by so much.
 const SPEEDS: (f64, f64, f64) = (1e-3, 1.0, 0.01);
@@ -221,8 +223,7 @@ impl SceneView {
             return;
         }
         let is_empty = state.scene.selection().mask().is_none();
-        let middle =
-            if is_empty { None } else { self.move_tool.middle(&self.scene, state.scene.selection().mask()) };
+        let middle = if is_empty { None } else { self.move_tool.middle(&self.scene, state.scene.selection().mask()) };
         let camera = self.camera(rect);
         let tool = &self.move_tool;
         let shown = middle.map(|middle| middle + if tool.is_pending { tool.change.shift } else { DVec3::ZERO });
@@ -275,6 +276,22 @@ impl SceneView {
             let back = TransformGaussians { target, restore: true, ..TransformGaussians::default() };
             requests.push(Request::Change(Box::new(Action::TransformGaussians(back))));
         }
+    }
+}
+
+impl WindowUi {
+    /// Shows the change of the tool that moves the selection, or shows it no more. `newest` is the state without drafts: a released
+    /// move shows until the scene is past that revision, and over its own result it would be shown twice.
+    pub(super) fn take_move_draft(&mut self, ui: &Ui, newest: &ViewState) {
+        let (is_dropped, draft) = self.scene_view.move_tool.take_draft();
+        if is_dropped {
+            self.drafts.drop_held();
+        }
+        if is_dropped || draft.is_some() {
+            // The scene is found beside the loop, from the next frame on.
+            ui.ctx().request_repaint();
+        }
+        Output { draft, ..Output::default() }.show_draft(&mut self.drafts, newest);
     }
 }
 

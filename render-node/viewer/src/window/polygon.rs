@@ -2,7 +2,8 @@
 
 use egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Response, Stroke, Ui};
 
-use super::scene_view::{MouseTool, SceneView};
+use super::mouse_tool::MouseTool;
+use super::scene_view::SceneView;
 use crate::display::{BrushSign, Request, Tools, ViewState};
 use crate::panels::theme::color_of;
 

@@ -16,8 +16,9 @@ use sg_scene::orientation::LengthUnit;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::operations::{self, Operation};
 
+use super::mouse_tool::MouseTool;
 use super::scene_lines::LineStyle;
-use super::scene_view::{MouseTool, SceneView};
+use super::scene_view::SceneView;
 use super::tool_card;
 use crate::display::number_format::count;
 use crate::display::{BrushSign, LatestWorker, Request, Tools, ViewState};
@@ -209,10 +210,7 @@ impl ShapeTool {
     ///
     /// # Errors
     /// The system's error if it cannot start a thread.
-    pub(super) fn new(
-        pool: Arc<rayon::ThreadPool>,
-        wake: impl Fn() + Send + 'static,
-    ) -> std::io::Result<Self> {
+    pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let work = move |wanted: Wanted| pool.install(|| Preview::of(&wanted));
         let worker = LatestWorker::new("finds-inside", work, wake)?;
         Ok(Self { shape: None, drag: None, is_changed: false, worker, wanted: None, preview: None })

@@ -1,6 +1,6 @@
 //! Keyboard actions in a window: one table for the actions and for the list that `?` shows.
 
-use egui::{InputState, Key, Modifiers};
+use egui::{Event, InputState, Key, Modifiers};
 
 /// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -305,16 +305,22 @@ pub const MOUSE: &[(&str, &str)] = &[
 /// Keys that press, or leave, a control with the keyboard focus.
 const OF_FOCUS: [Key; 5] = [Key::Enter, Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
 
-/// Actions of the keys just pressed, one per press; each press counts once. Where a control other than a text field
-/// `has_focus`, the keys that such a control uses are left to it.
+/// Actions of the keys just pressed, in their order; each press counts once. Where a control other than a text field `has_focus`,
+/// the keys that such a control uses are left to it; Esc is left to an open menu. What follows a key that leads to a text field
+/// belongs to that field, and what came before does not.
 #[must_use]
-pub(super) fn pressed(input: &mut InputState, has_focus: bool) -> Vec<Action> {
+pub(super) fn pressed(input: &mut InputState, has_focus: bool, has_menu: bool) -> Vec<Action> {
+    let is_taken = |key: Key| (has_focus && OF_FOCUS.contains(&key)) || (has_menu && key == Key::Escape);
     let mut asked = Vec::new();
-    for shortcut in SHORTCUTS.iter().filter(|s| !(has_focus && OF_FOCUS.contains(&s.key))) {
-        for _ in 0..input.count_and_consume_key(shortcut.modifiers, shortcut.key) {
-            asked.push(shortcut.action);
-        }
-    }
+    let mut leads_to_field = false;
+    input.events.retain(|event| {
+        let Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
+        let fits = |s: &&Shortcut| s.key == *key && modifiers.matches_logically(s.modifiers) && !is_taken(s.key);
+        let Some(shortcut) = SHORTCUTS.iter().find(fits).filter(|_| !leads_to_field) else { return true };
+        asked.push(shortcut.action);
+        leads_to_field = matches!(shortcut.action, Action::Say | Action::Name);
+        false
+    });
     asked
 }
 
@@ -351,6 +357,26 @@ mod tests {
             rows.iter().map(|(written, _)| written.split(", ").filter(|key| !key.is_empty()).count()).sum();
         assert_eq!(keys, SHORTCUTS.len(), "{rows:?}");
         assert!(rows.contains(&("Delete, Backspace".to_owned(), "delete the selected Gaussians")));
+    }
+
+    #[test]
+    fn letters_after_the_key_of_a_field_are_no_shortcuts() {
+        let key = |key: Key, modifiers: Modifiers| Event::Key {
+            key,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers,
+        };
+        let mut input = InputState::default();
+        let none = Modifiers::NONE;
+        input.events =
+            vec![key(Key::B, none), key(Key::Z, Modifiers::COMMAND), key(Key::Enter, none), key(Key::H, none)];
+        assert_eq!(pressed(&mut input, false, false), [Action::Brush, Action::Undo, Action::Say]);
+        assert_eq!(input.events, [key(Key::H, none)]);
+        input.events = vec![key(Key::Escape, none), key(Key::Enter, none), key(Key::X, none)];
+        assert_eq!(pressed(&mut input, true, true), [Action::Stereo]);
+        assert_eq!(input.events.len(), 2);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use egui::{Align2, RichText, Ui};
 
+use super::mouse_tool::MouseTool;
 use super::navigation::NavigationMode;
-use super::scene_view::MouseTool;
 use super::shortcuts::{Action, Group, MOUSE, SHORTCUTS, rows};
 use super::window_ui::WindowUi;
 use crate::display::number_format::{count, milliseconds, percent};

@@ -6,6 +6,7 @@ use sg_formats::files::short_name;
 
 use super::file_dialog::FileDialogs;
 use super::recent_files::RecentFile;
+use super::spacing_dialog::SpacingDialog;
 
 /// Most numbered names that are tried for a suggestion.
 const NUMBERS: u32 = 1000;
@@ -26,6 +27,7 @@ pub struct WindowFiles {
 pub(super) struct FileMenu {
     pub(super) files: WindowFiles,
     pub(super) dialogs: FileDialogs,
+    pub(super) spacing: SpacingDialog,
     pub(super) recent: Vec<RecentFile>,
     /// Whether the menu is shown.
     pub(super) is_open: bool,

@@ -54,13 +54,13 @@ fn only_dropped_scenes_and_volumes_are_opened() {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
     harness.step();
-    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth_2x2x2_uint8.RAW.zst"];
+    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth.NRRD"];
     for file in files {
         harness.input_mut().dropped_files.push(Arc::new(File(file.into())));
     }
     harness.step();
     let asked: Vec<_> = service.requests.try_iter().collect();
-    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into()));
+    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into(), None));
     assert_eq!(asked, opened);
     harness.step();
     assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
@@ -361,6 +361,43 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
     harness.key_press(egui::Key::N);
     harness.step();
     assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
+}
+
+/// The events of keys that a fast hand, or a slow machine, brings in one frame: Enter as `\n`, letters with their text.
+fn at_once(harness: &mut Harness<'_, WindowUi>, keys: &str) {
+    for c in keys.chars() {
+        let key =
+            if c == '\n' { egui::Key::Enter } else { egui::Key::from_name(&c.to_uppercase().to_string()).unwrap() };
+        let pressed = |pressed| egui::Event::Key {
+            key,
+            physical_key: None,
+            pressed,
+            repeat: false,
+            modifiers: egui::Modifiers::NONE,
+        };
+        let text = (c != '\n').then(|| egui::Event::Text(c.to_string()));
+        harness.input_mut().events.extend([Some(pressed(true)), text, Some(pressed(false))].into_iter().flatten());
+    }
+    harness.step();
+}
+
+#[test]
+fn letters_that_come_at_once_after_enter_are_no_shortcuts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk_of(&Settings::default(), Vec2::new(1280.0, 800.0), folder.path());
+    harness.run_steps(3);
+    // Enter leads to the field; all letters of its frame and of the next ones are typed there.
+    at_once(&mut harness, "\nhe");
+    at_once(&mut harness, "lp");
+    at_once(&mut harness, "\n");
+    // A sentence was sent, and the next one follows without a pause.
+    at_once(&mut harness, "un");
+    at_once(&mut harness, "do");
+    at_once(&mut harness, "\n");
+    let said: Vec<_> = service.requests.try_iter().collect();
+    assert_eq!(said, ["help", "undo"].map(|text| Request::Say(text.to_owned())));
+    let settings = harness.state().settings();
+    assert!(settings.panels && settings.mouse_tool == MouseTool::Navigate, "{settings:?}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `supergaussian-agent-function`: executes plans, clause by clause.
 
 mod actor;
+mod file_requests;
 
 use std::process::ExitCode;
 

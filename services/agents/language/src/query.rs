@@ -173,6 +173,16 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
     Some(format!("{} measure{s} about {x} × {y} × {z} {unit} and {verb}{s} about {volume}.", capital(&name)))
 }
 
+/// The sentence for a question about size where the scene has no length unit; `None` for other questions.
+#[must_use]
+pub fn without_unit(words: &str, measure: &Measure) -> Option<&'static str> {
+    const SIZES: [&str; 8] = ["big", "large", "small", "size", "volume", "long", "wide", "high"];
+    let asks = words.split(|c: char| !c.is_alphabetic()).any(|word| SIZES.contains(&word.to_lowercase().as_str()));
+    let said = "The file gives no unit of length, so its size in millimetres is not known. A raw volume takes the lengths of \
+                its voxels when it is opened.";
+    (asks && measure.millimetres <= 0.0).then_some(said)
+}
+
 /// A measured number: whole from 10 on, else with one or two decimals.
 fn measured(x: f64) -> String {
     let decimals = match x {
@@ -276,6 +286,14 @@ mod tests {
         let hidden = unit("sac", &scene_of_two(), Some(&frame)).unwrap();
         assert!(hidden.contains("hidden") && hidden.contains("2.5 %") && !hidden.contains("covers"), "{hidden}");
         assert_eq!(unit("other", &scene_of_two(), None), None);
+    }
+
+    #[test]
+    fn a_question_about_size_says_why_there_are_no_millimetres() {
+        let unknown = Measure::default();
+        assert!(without_unit("how big is the heart", &unknown).unwrap().contains("no unit of length"));
+        assert_eq!(without_unit("describe the bigger vessel", &unknown), None);
+        assert_eq!(without_unit("how big is it", &Measure { millimetres: 1.0, ..unknown }), None);
     }
 
     #[test]

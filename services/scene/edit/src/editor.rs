@@ -271,7 +271,13 @@ fn snapshot_bytes(state: &EditState) -> usize {
     let mask = state.count().div_ceil(8) + 64;
     let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
     let deleted = usize::from(!state.deleted.is_none()) + state.units().filter(|u| u.deleted.is_some()).count();
-    mask * (state.units.len() + deleted + state.placements.len()) + 64 + state.selection.bytes() + names + 128 * state.placements.len() + state.geometry.path.len() + (64 << 10)
+    mask * (state.units.len() + deleted + state.placements.len())
+        + 64
+        + state.selection.bytes()
+        + names
+        + 128 * state.placements.len()
+        + state.geometry.path.len()
+        + (64 << 10)
 }
 
 /// Whether an id can name a command: not empty, at most 128 bytes.

@@ -90,8 +90,7 @@ impl Transaction<'_> {
                     let look = self.state.appearance();
                     let scene = self.scene.of(&self.state);
                     let orientation = scene.orientation.with_up(self.state.up);
-                    let view =
-                        framed(&scene, &look, orientation.direction_and_up(side), present.fov_y_degrees, 1.0);
+                    let view = framed(&scene, &look, orientation.direction_and_up(side), present.fov_y_degrees, 1.0);
                     (view, format!("looked from the {}", side_name(side)))
                 }
             },

@@ -151,7 +151,10 @@ pub(super) fn same(a: &Arc<[Placement]>, b: &Arc<[Placement]>) -> bool {
 enum Wish {
     Restore,
     /// A map, and what it does in words: before and behind the target.
-    Map { map: Similarity, done: (String, String) },
+    Map {
+        map: Similarity,
+        done: (String, String),
+    },
 }
 
 impl Transaction<'_> {
@@ -236,8 +239,7 @@ impl Transaction<'_> {
     fn wish(&self, command: &TransformGaussians, members: &Mask) -> Result<Wish, EditError> {
         let TransformGaussians { pivot, shift, axis, degrees, factor, restore, millimetres, .. } = command;
         const NOTHING: &str = "nothing is set; give a shift, an axis with degrees, a factor, or `restore`";
-        let malformed =
-            |reason: &str| EditError::Malformed { field: "transform_gaussians", reason: reason.to_owned() };
+        let malformed = |reason: &str| EditError::Malformed { field: "transform_gaussians", reason: reason.to_owned() };
         if *restore {
             let alone = pivot.is_none() && shift.is_none() && axis.is_none() && factor.is_none() && *degrees == 0.0;
             return if alone { Ok(Wish::Restore) } else { Err(malformed("`restore` goes with no other field")) };
@@ -259,7 +261,8 @@ impl Transaction<'_> {
         let unit = || self.scene.file().orientation.unit.map(LengthUnit::millimetres);
         let shift = match (point(shift, "transform_gaussians.shift")?, millimetres) {
             (Some(shift), true) => {
-                let unit = unit().ok_or_else(|| malformed("the scene's file gives no length unit, so no millimetres"))?;
+                let unit =
+                    unit().ok_or_else(|| malformed("the scene's file gives no length unit, so no millimetres"))?;
                 Some((shift, shift / unit, " mm"))
             }
             (shift, _) => shift.map(|shift| (shift, shift, "")),

@@ -1,8 +1,8 @@
 //! The transaction of one command.
 
 use super::error::EditError;
-use super::state::{Change, EditState, Unit};
 use super::placement::PlacedScene;
+use super::state::{Change, EditState, Unit};
 use sg_proto::limits::MAX_UNITS;
 
 /// A copy of the state that one command changes; dropped if the command is refused.

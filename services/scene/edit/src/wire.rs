@@ -49,7 +49,9 @@ pub enum WireError {
         source: sg_scene::mask::MaskBytesError,
     },
     /// A map of Gaussians that is none.
-    #[error("`{0}` is no similarity: it has a rotation of four numbers and unit length, a finite scale above 0 and a finite translation")]
+    #[error(
+        "`{0}` is no similarity: it has a rotation of four numbers and unit length, a finite scale above 0 and a finite translation"
+    )]
     Similarity(&'static str),
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
@@ -350,7 +352,11 @@ fn decode_similarity(map: &proto::Similarity) -> Result<Similarity, WireError> {
         && map.scale > 0.0
         && map.scale.is_finite()
         && translation.is_finite();
-    if is_sound { Ok(Similarity { rotation, scale: map.scale, translation }) } else { Err(WireError::Similarity(FIELD)) }
+    if is_sound {
+        Ok(Similarity { rotation, scale: map.scale, translation })
+    } else {
+        Err(WireError::Similarity(FIELD))
+    }
 }
 
 /// A mask that is absent where it would be empty.

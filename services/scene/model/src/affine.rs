@@ -265,7 +265,10 @@ mod tests {
             rotation: vec![[0.3, 0.5, -0.2, 0.7]; 4],
             log_scale: vec![Vec3::new(-1.0, -2.0, -3.0); 4],
             opacity_logit: vec![0.5; 4],
-            shading: Some(ShadingColumns { normal: vec![normal, normal, normal, Vec3::ZERO], ..ShadingColumns::default() }),
+            shading: Some(ShadingColumns {
+                normal: vec![normal, normal, normal, Vec3::ZERO],
+                ..ShadingColumns::default()
+            }),
             harmonics: Some(Harmonics { degree: 1, dc: vec![[0.1; 3]; 4], rest: vec![[0.0, 1.0, 0.0]; 12] }),
             extra: vec![column("nx", 0.6), column("other", 7.0), column("ny", 0.0), column("nz", 0.8)],
             antialiased: false,

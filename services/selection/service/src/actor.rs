@@ -367,15 +367,9 @@ impl Selector {
         let state = self.local_state();
         let over = state.selection().hash();
         let unselectable = state.unselectable();
-        let goes_on = self
-            .open
-            .as_ref()
-            .is_some_and(|o| {
-                o.name == request.stroke
-                    && o.over == over
-                    && o.unselectable == unselectable
-                    && o.state.is_placed_as(&state)
-            });
+        let goes_on = self.open.as_ref().is_some_and(|o| {
+            o.name == request.stroke && o.over == over && o.unselectable == unselectable && o.state.is_placed_as(&state)
+        });
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
             // The selection below has changed: replay the stroke over the new one.
