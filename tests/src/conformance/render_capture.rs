@@ -39,6 +39,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws Gaussians where they are", moved(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
+    checks.note("leaves the background out where asked", transparent(stage).await);
     checks.note("shows the structure in place of the scene", structure(stage).await);
     checks.note("says what is in front", picks(stage).await);
     checks.note("refuses pictures that cannot be", misfits(stage).await);
@@ -143,6 +144,16 @@ async fn clips(stage: &Stage<'_>) -> Result<(), String> {
         let clips = vec![Clip { sides: vec![side(x)], hide_inside }];
         let frame = capture(stage, &CaptureRequest { clips, ..small() }).await?;
         hold(frame.coverage == coverage, || format!("coverage {} instead of {coverage}", frame.coverage))?;
+    }
+    Ok(())
+}
+
+/// PNG files hold their colour type in byte 25: 6 stands for RGBA.
+async fn transparent(stage: &Stage<'_>) -> Result<(), String> {
+    for (transparent, kind) in [(false, 2), (true, 6)] {
+        let frame = capture(stage, &CaptureRequest { transparent, ..small() }).await?;
+        let png = std::fs::read(&frame.png_path).map_err(|e| format!("{}: {e}", frame.png_path))?;
+        hold(png.get(25) == Some(&kind), || format!("transparent {transparent}: colour type {:?}", png.get(25)))?;
     }
     Ok(())
 }

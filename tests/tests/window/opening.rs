@@ -177,3 +177,29 @@ fn a_headset_that_is_not_there_is_a_window_that_says_why() {
     let said: String = logs.flatten().filter_map(|f| std::fs::read_to_string(f.path()).ok()).collect();
     assert!(said.contains("the window takes the headset's place") && said.contains("OpenXR"), "{said}");
 }
+
+#[test]
+fn a_long_open_shows_its_progress_and_escape_leaves_nothing_behind() {
+    let Some(screen) = Screen::open().unwrap() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let edge = 160_usize;
+    let off = |k: usize| k.abs_diff(edge / 2) as u8;
+    // Denser towards the middle, so that there is something to place.
+    let voxels = (0..edge.pow(3)).map(|i| 250 - 2 * off(i % edge).max(off(i / edge % edge)).max(off(i / edge / edge)));
+    let volume = home.path().join(format!("heart_{edge}x{edge}x{edge}_uint8.raw"));
+    std::fs::write(&volume, voxels.collect::<Vec<u8>>()).unwrap();
+    let run = home.path().join("run");
+    let mut open = sg_tests::command(&run).unwrap();
+    open.arg("open").arg(&volume).env("DISPLAY", screen.display()).env("XDG_CONFIG_HOME", home.path());
+    let open = open.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    screen.window("Opening", PATIENCE).unwrap();
+    screen.act(&["key", "Escape"]).unwrap();
+    let ended = open.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success() && said.contains("cancelled; nothing was opened"), "{said}");
+    let sessions = std::fs::read_dir(&run).unwrap().flatten().map(|f| f.file_name().into_string().unwrap());
+    let left: Vec<_> = sessions.filter(|name| !name.starts_with('.')).collect();
+    assert!(left.is_empty(), "{left:?}");
+    let windows = screen.act(&["search", "--onlyvisible", "--name", "heart|Opening"]).unwrap_or_default();
+    assert_eq!(windows, "", "a window is left");
+}

@@ -91,7 +91,9 @@ fn of(choice: &GaussianChoice) -> String {
 
 /// A part of a file's name, of letters and digits that every file system and shell takes.
 fn plain(text: &str) -> String {
-    text.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' }).take(PART).collect()
+    let letters: String =
+        text.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' }).take(PART).collect();
+    letters.trim_end_matches(['-', '_']).to_owned()
 }
 
 #[cfg(test)]
@@ -126,6 +128,7 @@ mod tests {
         assert_eq!(name(Content::Gaussians(unit())), "heart-left-lobe-2.ply");
         assert_eq!(name(Content::Gaussians(unit())), "heart-left-lobe-2-2.ply");
         assert_eq!(name(Content::Picture(DrawnPicture::default())), "heart-picture.png");
+        assert_eq!(plain("headsq_quarter_64x64x93_int16"), "headsq_quarter_64x64x93");
         assert_eq!(name(Content::Project(ProjectCopy {})), "heart-copy.sgproj");
     }
 }

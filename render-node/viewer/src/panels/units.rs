@@ -213,8 +213,18 @@ impl Panels {
             if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
                 self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
+            let mean = state.scene.mean_opacity(row.unit);
+            if mean.is_none() {
+                let (gone, why) = if state.scene.deleted().is_none() {
+                    ("empty", "it holds no Gaussian")
+                } else {
+                    ("deleted", "all of its Gaussians are deleted; undo and “restore deleted” bring them back")
+                };
+                cell(ui, NUMBER * scale(ui), Align::Max, RichText::new(gone).weak()).on_hover_text(why);
+                return;
+            }
             // A hidden unit keeps the number that it will be shown with.
-            let effective = state.scene.mean_opacity(row.unit).filter(|_| row.visible).map_or(opacity, f64::from);
+            let effective = mean.filter(|_| row.visible).map_or(opacity, f64::from);
             let is_changed_by_others = (effective - opacity).abs() > 0.005;
             let number = RichText::new(percent(effective));
             let number = if is_changed_by_others { number.strong() } else { number.weak() };

@@ -91,8 +91,15 @@ impl WindowUi {
                 self.tools.walk_parameter = self.tools.walk_parameter.other();
                 self.line = format!("keys and the wheel change {}", self.tools.walk_parameter.name());
             }
-            Action::Undo if scene => requests.push(change(command::Action::Undo(Undo { steps: 1 }))),
-            Action::Redo if scene => requests.push(change(command::Action::Redo(Redo { steps: 1 }))),
+            Action::Undo | Action::Redo if scene => {
+                // What the line says of an earlier action may hold no longer.
+                self.line.clear();
+                let action = match action {
+                    Action::Undo => command::Action::Undo(Undo { steps: 1 }),
+                    _ => command::Action::Redo(Redo { steps: 1 }),
+                };
+                requests.push(change(action));
+            }
             Action::Clear if selection => {
                 requests.push(Request::Select(StrokesRequest { restart: true, ..StrokesRequest::default() }));
             }
@@ -134,7 +141,6 @@ impl WindowUi {
                 let up = self.scene.orientation.with_up(state.scene.up()).up();
                 let up = if action == Action::Flip { up.opposite() } else { up.next() };
                 requests.push(change(turn_up(Some(up))));
-                self.line = format!("{} is up", up.name());
             }
             Action::Undo
             | Action::Redo

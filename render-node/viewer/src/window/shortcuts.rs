@@ -305,17 +305,37 @@ pub const MOUSE: &[(&str, &str)] = &[
 /// Keys that press, or leave, a control with the keyboard focus.
 const OF_FOCUS: [Key; 5] = [Key::Enter, Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
 
-/// Actions of the keys just pressed, in their order; each press counts once. Where a control other than a text field `has_focus`,
-/// the keys that such a control uses are left to it; Esc is left to an open menu. What follows a key that leads to a text field
-/// belongs to that field, and what came before does not.
+/// Actions whose keys work in a text field too: no letter, and no command of editing text.
+const IN_FIELDS: [Action; 5] = [Action::Open, Action::SaveCopy, Action::ExportSplats, Action::Name, Action::Close];
+
+/// Who else takes keys.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct KeyFocus {
+    /// A text field takes letters and the commands of editing text.
+    pub(super) is_typing: bool,
+    /// A control other than a text field has the focus. It takes [`OF_FOCUS`].
+    pub(super) has_control: bool,
+    /// A menu is open. Esc closes it.
+    pub(super) has_menu: bool,
+}
+
+impl KeyFocus {
+    fn takes(self, shortcut: &Shortcut) -> bool {
+        (self.is_typing && !IN_FIELDS.contains(&shortcut.action))
+            || (self.has_control && OF_FOCUS.contains(&shortcut.key))
+            || (self.has_menu && shortcut.key == Key::Escape)
+    }
+}
+
+/// Actions of the keys just pressed, in their order; each press counts once. What `focus` takes is left to it. What follows a key
+/// that leads to a text field belongs to that field.
 #[must_use]
-pub(super) fn pressed(input: &mut InputState, has_focus: bool, has_menu: bool) -> Vec<Action> {
-    let is_taken = |key: Key| (has_focus && OF_FOCUS.contains(&key)) || (has_menu && key == Key::Escape);
+pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Vec<Action> {
     let mut asked = Vec::new();
     let mut leads_to_field = false;
     input.events.retain(|event| {
         let Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
-        let fits = |s: &&Shortcut| s.key == *key && modifiers.matches_logically(s.modifiers) && !is_taken(s.key);
+        let fits = |s: &&Shortcut| s.key == *key && modifiers.matches_logically(s.modifiers) && !focus.takes(s);
         let Some(shortcut) = SHORTCUTS.iter().find(fits).filter(|_| !leads_to_field) else { return true };
         asked.push(shortcut.action);
         leads_to_field = matches!(shortcut.action, Action::Say | Action::Name);
@@ -372,11 +392,18 @@ mod tests {
         let none = Modifiers::NONE;
         input.events =
             vec![key(Key::B, none), key(Key::Z, Modifiers::COMMAND), key(Key::Enter, none), key(Key::H, none)];
-        assert_eq!(pressed(&mut input, false, false), [Action::Brush, Action::Undo, Action::Say]);
+        let nobody = KeyFocus::default();
+        assert_eq!(pressed(&mut input, nobody), [Action::Brush, Action::Undo, Action::Say]);
         assert_eq!(input.events, [key(Key::H, none)]);
         input.events = vec![key(Key::Escape, none), key(Key::Enter, none), key(Key::X, none)];
-        assert_eq!(pressed(&mut input, true, true), [Action::Stereo]);
+        let focus = KeyFocus { has_control: true, has_menu: true, ..nobody };
+        assert_eq!(pressed(&mut input, focus), [Action::Stereo]);
         assert_eq!(input.events.len(), 2);
+        // In a text field, only keys that edit no text.
+        let command = |k: Key| key(k, Modifiers::COMMAND);
+        input.events = vec![key(Key::B, none), command(Key::A), command(Key::Z), command(Key::E), command(Key::Q)];
+        assert_eq!(pressed(&mut input, KeyFocus { is_typing: true, ..nobody }), [Action::ExportSplats, Action::Close]);
+        assert_eq!(input.events.len(), 3);
     }
 
     #[test]

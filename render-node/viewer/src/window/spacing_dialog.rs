@@ -62,8 +62,7 @@ impl SpacingDialog {
                     }
                 }
             });
-            // Enter in a number belongs to the number.
-            let enter = !ctx.text_edit_focused() && ui.input(|i| i.key_pressed(Key::Enter));
+            let enter = ui.input(|i| i.key_pressed(Key::Enter));
             ui.horizontal_wrapped(|ui| {
                 let known = ui.button("Open").on_hover_text("with a scale bar and sizes in millimetres");
                 if known.clicked() || enter {

@@ -56,6 +56,7 @@ impl FileMenu {
         let opened = self.files.opened.as_deref();
         let folder = self.last_folder.as_deref().or_else(|| opened?.parent()).unwrap_or(pictures);
         let stem = short_name(opened.unwrap_or(Path::new(scene)));
+        let stem = stem.trim_end_matches(['-', '_']);
         let name = |number: String| folder.join(format!("{stem}{suffix}{number}{ending}"));
         let numbered = (2..NUMBERS).map(|k| name(format!("-{k}")));
         let first = name(String::new());

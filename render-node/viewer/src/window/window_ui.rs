@@ -12,6 +12,7 @@ use sg_proto::scene::{SetView, command, set_view};
 use sg_scene::framing::{FirstView, near_distance};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::orientation::Axis;
 use sg_scene::view::View;
 use sg_selection::brush::Brush;
 
@@ -24,7 +25,7 @@ use super::hints::{self, Hint, HintPlaces};
 use super::navigation::Navigator;
 use super::scene_view::SceneView;
 use super::settings::Settings;
-use super::shortcuts;
+use super::shortcuts::{self, KeyFocus};
 use super::window_files::FileMenu;
 use crate::display::{
     AppearanceBuilder, BrushController, Drafts, FrameStats, ParameterDrag, Request, SceneFollower, Tools, ViewPort,
@@ -58,6 +59,8 @@ pub struct WindowUi {
     /// The scene's last known view: a different one moves the eye here.
     shared: View,
     first_view: FirstView,
+    /// The axis that was up in the last frame.
+    up: Option<Axis>,
     /// The view that this window has sent and the scene has not confirmed yet.
     sent: Option<View>,
     pub(super) panels_shown: bool,
@@ -127,6 +130,7 @@ impl WindowUi {
             file_menu: FileMenu::default(),
             pictures,
             shared,
+            up: None,
             sent: None,
             panels_shown: settings.panels,
             tab: Panel::SELECT.name,
@@ -220,6 +224,10 @@ impl WindowUi {
                 self.scene_view.navigator.view = self.shared;
             }
         }
+        let up = self.scene.orientation.with_up(newest.scene.up()).up();
+        if self.up.replace(up).is_some_and(|before| before != up) {
+            self.line = format!("{} is up", up.name());
+        }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         if let Some(left) = self.drafts.expires_in() {
             ui.ctx().request_repaint_after(left);
@@ -234,10 +242,16 @@ impl WindowUi {
         // A field that waits for the focus gets the letters of this frame already, for one frame: it may never be drawn.
         let waits = self.panels.awaits_letters() && !std::mem::replace(&mut self.waited, true);
         self.waited &= waits;
-        if !ui.ctx().text_edit_focused() && !waits {
-            self.scene_view.take_polygon_keys(ui);
-            let (has_focus, has_menu) = (ui.ctx().egui_wants_keyboard_input(), egui::Popup::is_any_open(ui.ctx()));
-            for action in ui.input_mut(|input| shortcuts::pressed(input, has_focus, has_menu)) {
+        if !waits {
+            let focus = KeyFocus {
+                is_typing: ui.ctx().text_edit_focused(),
+                has_control: ui.ctx().egui_wants_keyboard_input(),
+                has_menu: egui::Popup::is_any_open(ui.ctx()),
+            };
+            if !focus.is_typing {
+                self.scene_view.take_polygon_keys(ui);
+            }
+            for action in ui.input_mut(|input| shortcuts::pressed(input, focus)) {
                 self.act(action, &state, &mut requests);
             }
         }

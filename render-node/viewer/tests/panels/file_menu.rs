@@ -121,7 +121,6 @@ fn a_raw_volume_is_opened_with_the_lengths_of_its_voxels() {
     press(&mut harness, CTRL, Key::A);
     write(&mut harness, "0.5");
     press(&mut harness, Modifiers::NONE, Key::Enter);
-    press(&mut harness, Modifiers::NONE, Key::Enter);
     let spaced = Request::Open(path.clone(), Some([0.5, 1.0, 1.0]));
     assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [spaced]);
 

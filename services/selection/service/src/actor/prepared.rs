@@ -33,8 +33,8 @@ pub(super) struct Params {
     pub(super) neighbours: usize,
     /// Weight of features against distance.
     pub(super) compactness: f64,
-    /// ε of the leak to the background.
-    pub(super) leak: f64,
+    /// ε of the leak to the background. Without it the first answer to a stroke chooses the leak.
+    pub(super) leak: Option<f64>,
     /// Factor on σ_s.
     pub(super) sigma_s: f64,
     /// Factor on σ_f.
@@ -51,7 +51,7 @@ impl Default for Params {
             max_clusters: clustering.max_clusters,
             neighbours: geometry.neighbours,
             compactness: clustering.compactness,
-            leak: walk.leak,
+            leak: None,
             sigma_s: walk.sigma_s,
             sigma_f: walk.sigma_f,
             cache: None,
