@@ -308,6 +308,8 @@ impl Renderer {
         for camera in cameras {
             check_look([self.scene.len, self.scene.units.len()], appearance, camera)?;
         }
+        let tinted = self.scene.tinted(appearance);
+        let appearance = tinted.as_ref().unwrap_or(appearance);
         self.gpu.check()?;
         // Process finished readbacks, without a wait.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);

@@ -131,7 +131,7 @@ impl<'a> UnitShader<'a> {
         if self.appearance.clips.iter().any(|clip| !clip.keeps(position)) {
             return Err(Culled::Clipped);
         }
-        let mut replaced = None;
+        let mut replaced = self.unit.tint(self.base.palette);
         let mut factor = f64::from(self.base.opacity);
         for edit in self.appearance.units.iter().filter(|u| u.mask.get(global)) {
             if !edit.visible {

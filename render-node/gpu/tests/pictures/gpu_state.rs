@@ -350,6 +350,45 @@ fn an_engine_follows_moved_gaussians() {
     }
 }
 
+/// A colour of trained splats is no flat disc: light and dark places stay where they are, by a palette as by a unit's colour.
+#[test]
+fn a_recoloured_trained_splat_keeps_its_texture() {
+    let mut unit = sg_scene::synthetic::samples::unit("splat", sg_scene::synthetic::samples::harmonic(600, 2, 11));
+    unit.gaussians.log_scale.iter_mut().for_each(|s| *s = Vec3::splat(-2.5));
+    unit.gaussians.opacity_logit.iter_mut().for_each(|o| *o = 4.0);
+    let scene = Scene::compose(vec![unit], None);
+    let view = sg_scene::framing::default_camera(&scene, 96, 96);
+    let own = Appearance::of(&scene);
+    let red = Vec3::new(0.8, 0.1, 0.1);
+    let mut palette = own.clone();
+    palette.base[0].palette = red;
+    let mut unit = own.clone();
+    let all = Arc::new(Mask::full(scene.len()));
+    unit.units = vec![UnitAppearance { mask: all, color: Some(red), opacity: 1.0, visible: true }];
+    let picture = |look: &Appearance| render(&scene, look, &view, Exact).unwrap().image;
+    let (own, palette, unit) = (picture(&own), picture(&palette), picture(&unit));
+    assert_eq!(palette, unit, "a palette and a unit's colour do the same");
+    let covered = |k: usize| own.rgba[4 * k + 3] > 0.9;
+    let brightness = |image: &Image, k: usize| {
+        let [r, g, b] = [0, 1, 2].map(|c| f64::from(image.rgba[4 * k + c]));
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let places: Vec<usize> = (0..96 * 96).filter(|k| covered(*k)).collect();
+    assert!(places.len() > 500, "{}", places.len());
+    for k in &places {
+        let [r, g] = [0, 1].map(|c| unit.rgba[4 * k + c]);
+        assert!(r > 4.0 * g, "{k}: {r} {g} has the hue of the colour");
+    }
+    let mean = |image: &Image| places.iter().map(|k| brightness(image, *k)).sum::<f64>() / places.len() as f64;
+    let (a, b) = (mean(&own), mean(&unit));
+    let sum = |f: &dyn Fn(f64, f64) -> f64| {
+        places.iter().map(|k| f(brightness(&own, *k) - a, brightness(&unit, *k) - b)).sum::<f64>()
+    };
+    let correlation = sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt();
+    let contrast = (sum(&|_, y| y * y) / places.len() as f64).sqrt() / b;
+    assert!(correlation > 0.9 && contrast > 0.05, "correlation {correlation}, contrast {contrast}");
+}
+
 #[test]
 fn impossible_pictures_are_refused_with_a_reason() {
     let Some(gpu) = device() else { return };

@@ -78,7 +78,8 @@ impl EditState {
                     let remedy = "write fewer units at a time";
                     return Err(EditError::TooMany { what: "parts of different looks", limit: MAX_PARTS, remedy });
                 }
-                let color = self.units.get(&part.color).and_then(|unit| unit.color);
+                let given = self.units.get(&part.color).and_then(|unit| unit.color);
+                let color = given.or_else(|| base.tint(look.palette));
                 let named = self.units.get(&part.name).map_or(&base.name, |unit| &unit.name);
                 units.push(BaseUnit {
                     name: free_name(named, &units),

@@ -47,6 +47,7 @@ mod measure;
 mod membership;
 mod names;
 mod placement;
+mod placement_message;
 mod reach;
 mod replica;
 mod state;
