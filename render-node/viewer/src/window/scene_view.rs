@@ -287,7 +287,6 @@ impl SceneView {
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
         let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
-        self.take_in(ui);
         let requested = PictureRequest {
             cameras,
             appearance: appearance.clone(),
@@ -357,7 +356,9 @@ impl SceneView {
         tools.occlusion.then(|| self.occlusion_worker.factors(appearance)).flatten()
     }
 
-    fn take_in(&mut self, ui: &Ui) {
+    /// Takes what has been drawn and found meanwhile. It comes first in a frame: nothing else may cause another frame, and all of this
+    /// one tells of the newest picture.
+    pub(super) fn take_in(&mut self, ui: &Ui) {
         if let Some(DrawnPicture { picture, size, level, moving, seconds, engine, drawn_by }) =
             self.picture_worker.take()
         {
