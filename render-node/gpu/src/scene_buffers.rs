@@ -11,7 +11,7 @@ use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
-use sg_raster::shading::NormalTransform;
+use sg_scene::affine::NormalTransform;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::device::Gpu;
@@ -130,6 +130,12 @@ impl SceneBuffers {
         let table: Vec<Part> = buffers.parts.iter().map(|p| p.part).collect();
         buffers.part_table = gpu.table("parts", &table);
         buffers
+    }
+
+    /// Whether shaders and buffers for `other` fit this scene.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let kind = |s: &Self| (s.len, s.parts.len(), s.units.len(), s.blocks, s.lit, s.highlights, s.degree, s.half);
+        kind(self) == kind(other)
     }
 
     fn upload_part(&mut self, gpu: &Gpu, scene: &Scene, range: Range<usize>, coefficients: usize) {

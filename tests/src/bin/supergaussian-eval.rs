@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
 use sg_clusters::clustering::Level;
-use sg_tests::eval::{EvalError, Options, ablation, peers, plots, report};
+use sg_tests::eval::{EvalError, Options, ablation, one_stroke, peers, plots, report};
 
 /// Evaluation tables: the worth of the choices behind a result, on scenes whose truth is known
 #[derive(Debug, Parser)]
@@ -28,6 +28,14 @@ enum Table {
     /// Example: supergaussian eval selection-ablation --out ablation --quick
     #[command(verbatim_doc_comment)]
     SelectionAblation(Ablation),
+    /// What one green stroke means: every part of many scenes as its target, answered at every scale
+    ///
+    /// Writes one-stroke.md (the tables), one-stroke.json (the same numbers) and strokes.json (every stroke with its masks'
+    /// sizes and IoU over the leaks). The same seed gives the same numbers.
+    ///
+    /// Example: supergaussian eval one-stroke --out one-stroke --quick
+    #[command(verbatim_doc_comment)]
+    OneStroke(OneStroke),
     /// Our side of tests/peers/compare.py: clusters a made scene, hands it over as arrays, prints our times as JSON
     ///
     /// Example: supergaussian eval peer clusters --gaussians 400000 --threads 2 --out there
@@ -71,6 +79,31 @@ enum Timed {
 }
 
 #[derive(Debug, Args)]
+struct OneStroke {
+    /// The folder to write to; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Small scenes and few strokes: some seconds
+    #[arg(long)]
+    quick: bool,
+    /// The scenes on which the rule's numbers were chosen, and not those that are reported
+    #[arg(long)]
+    tuning: bool,
+    /// Gaussians of a made scene; measured scenes have twice as many
+    #[arg(long, default_value_t = 30_000, value_name = "N")]
+    gaussians: usize,
+    /// Strokes of each length on each part
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    strokes: usize,
+    /// Seed of shapes and strokes
+    #[arg(long, default_value_t = 1, value_name = "K")]
+    seed: u64,
+    /// The folder of measured data; without it made shapes alone are evaluated
+    #[arg(long, env = "SUPERGAUSSIAN_DATA", value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
 struct Ablation {
     /// The folder to write to; it is made
     #[arg(long, value_name = "DIR")]
@@ -95,6 +128,7 @@ struct Ablation {
 fn main() -> ExitCode {
     let done = match Arguments::parse().table {
         Table::SelectionAblation(arguments) => selection_ablation(&arguments),
+        Table::OneStroke(arguments) => one_stroke(&arguments),
         Table::Peer(arguments) => peer(&arguments),
     };
     match done {
@@ -136,6 +170,37 @@ fn peer(arguments: &Peer) -> Result<(), EvalError> {
             }
         }
     }
+    Ok(())
+}
+
+fn one_stroke(arguments: &OneStroke) -> Result<(), EvalError> {
+    let wrong = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| EvalError::Write { path, source }
+    };
+    let options = one_stroke::Options {
+        tuning: arguments.tuning,
+        gaussians: if arguments.quick { 4000 } else { arguments.gaussians },
+        strokes: if arguments.quick { 2 } else { arguments.strokes },
+        clicks: true,
+        seed: arguments.seed,
+        data: arguments.data.clone().filter(|_| !arguments.quick),
+    };
+    std::fs::create_dir_all(&arguments.out).map_err(wrong(&arguments.out))?;
+    let start = Instant::now();
+    let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
+    let played = one_stroke::run(&options, &tell)?;
+    let tables = one_stroke::tables(&played, options.seed);
+    let json = |text: serde_json::Result<String>| text.unwrap_or_default() + "\n";
+    for (name, text) in [
+        ("strokes.json", json(serde_json::to_string(&played))),
+        ("one-stroke.json", json(serde_json::to_string_pretty(&tables))),
+        ("one-stroke.md", one_stroke::markdown(&tables)),
+    ] {
+        let path = arguments.out.join(name);
+        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
+    }
+    tell(&format!("written to {}", arguments.out.display()));
     Ok(())
 }
 

@@ -10,7 +10,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteGaussians, RestoreGaussians, SetVisibility, Undo, Vector};
 
 use super::question::{Question, hold, refused_as, soon};
-use super::scene::named;
+use super::scene::{named, shift};
 use super::stage::{Stage, decode};
 use super::{Checks, Subject, content};
 use crate::Picture;
@@ -36,6 +36,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws what was asked for", draws(stage).await);
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("does not draw what is deleted", deleted(stage).await);
+    checks.note("draws Gaussians where they are", moved(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
     checks.note("leaves the background out where asked", transparent(stage).await);
@@ -105,6 +106,24 @@ async fn deleted(stage: &mut Stage<'_>) -> Result<(), String> {
     let revision = stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?.revision;
     let back = capture(stage, &CaptureRequest { at_least_revision: revision, ..small() }).await?;
     hold(back.hash == whole.hash, || "restored Gaussians are not in the picture".to_owned())
+}
+
+async fn moved(stage: &mut Stage<'_>) -> Result<(), String> {
+    let picture = async |stage: &Stage<'_>, at_least_revision| {
+        capture(stage, &CaptureRequest { at_least_revision, ..small() }).await
+    };
+    let whole = picture(stage, 0).await?;
+    let revision = stage.change(shift("sac", 0.1)).await?.revision;
+    let beside = picture(stage, revision).await?;
+    hold(beside.hash != whole.hash, || "a moved unit is where it was".to_owned())?;
+    let revision = stage.change(shift("sac", 1e3)).await?.revision;
+    let away = picture(stage, revision).await?;
+    let hide = SetVisibility { target: named("sac"), visible: false };
+    let revision = stage.change(Action::SetVisibility(hide)).await?.revision;
+    let hidden = picture(stage, revision).await?;
+    hold(away.hash == hidden.hash, || "a unit that is far away is still in the picture".to_owned())?;
+    let revision = stage.change(Action::Undo(Undo { steps: 3 })).await?.revision;
+    hold(picture(stage, revision).await?.hash == whole.hash, || "undo does not bring the picture back".to_owned())
 }
 
 async fn measures(stage: &Stage<'_>) -> Result<(), String> {

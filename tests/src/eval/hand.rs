@@ -164,7 +164,7 @@ fn farthest(graph: &Graph, from: u32, allowed: impl Fn(u32) -> bool) -> Option<u
 }
 
 /// Shortest ways from the sources over allowed vertices: lengths, and the vertex before each (`u32::MAX` at a source).
-fn ways(graph: &Graph, sources: &[u32], allowed: impl Fn(u32) -> bool) -> (Vec<f64>, Vec<u32>) {
+pub(super) fn ways(graph: &Graph, sources: &[u32], allowed: impl Fn(u32) -> bool) -> (Vec<f64>, Vec<u32>) {
     let mut distance = vec![f64::INFINITY; graph.len()];
     let mut before = vec![u32::MAX; graph.len()];
     let mut heap: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();

@@ -204,7 +204,7 @@ pub fn walk_times(subject: &Subject, folder: &Path, repeats: usize) -> Result<Ve
     let failed = |e: WalkError| EvalError::Data { path: "walk".to_owned(), why: e.to_string() };
     let mut out = Vec::new();
 
-    let network = graph.network(1.0, 1.0);
+    let network = graph.network(1.0, 1.0, None);
     let seeds = seeded(network.len(), &by_cluster);
     let algorithm = Solver::Gth.with(Precision::F64);
     let (start, used) = (Instant::now(), processor_seconds());

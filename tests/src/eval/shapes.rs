@@ -20,6 +20,11 @@ pub const REPORTED: [&str; 5] = ["vortex", "lobster", "ionization", "chameleon",
 /// The shapes that numbers are chosen on; never reported.
 pub const TUNING: [&str; 2] = ["knot", "coral"];
 
+/// More shapes that numbers of the first answer to a stroke are chosen on; never reported.
+pub const STROKE_TUNING: [&str; 4] = ["hand", "grapes", "shells", "islands"];
+
+mod tuning;
+
 /// One solid of a shape.
 struct Piece {
     part: i32,
@@ -47,6 +52,10 @@ pub fn shape(name: &str, n: usize, seed: u64) -> Option<Subject> {
         "aneurysm" => (5, aneurysm as _),
         "knot" => (6, knot as _),
         "coral" => (7, coral as _),
+        "hand" => (8, tuning::hand as _),
+        "grapes" => (9, tuning::grapes as _),
+        "shells" => (10, tuning::shells as _),
+        "islands" => (11, tuning::islands as _),
         _ => return None,
     };
     let mut r = ChaCha8Rng::seed_from_u64(seed);

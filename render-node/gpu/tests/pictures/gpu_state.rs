@@ -12,6 +12,7 @@ use sg_raster::render::{Projection, render};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
 
 use crate::cases;
 use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
@@ -288,6 +289,65 @@ fn an_engine_opens_a_lost_device_again() {
     assert_eq!(cores.name(), "cpu");
     let want = render(&scene, &look, &view, Standard).unwrap().image;
     assert_eq!(cores.draw(&look, &view, Standard).unwrap().image, want);
+}
+
+/// The same Gaussians, every third of them elsewhere, turned and larger.
+fn moved(scene: &Scene) -> Scene {
+    let mut moved = scene.clone();
+    let rows: Vec<usize> = (0..scene.len()).step_by(3).collect();
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7);
+    let map = DMat4::from_scale_rotation_translation(DVec3::splat(1.3), turn, DVec3::new(0.2, -0.1, 0.15));
+    assert!(moved.units[0].gaussians.transform(&rows, &map));
+    moved
+}
+
+/// Pictures of moved Gaussians are those of a renderer that has known no other place of them.
+#[test]
+fn a_renderer_shows_the_same_gaussians_elsewhere_as_a_new_one_does() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&surface(3000, 5));
+    let (elsewhere, view) = (moved(&scene), [side_view(96, 64, 40.0)]);
+    let hidden = Arc::new(Mask::from_fn(scene.len(), |i| i % 5 == 0));
+    let mut look = Appearance::of(&scene);
+    look.units = vec![UnitAppearance { mask: hidden, color: Some(Vec3::X), opacity: 0.5, visible: true }];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    for settings in [with(Rasterizer::Tiles), with(Rasterizer::Quads)] {
+        if settings.rasterizer != Rasterizer::Tiles && !renderer.blends_quads() {
+            continue;
+        }
+        let (before, _) = renderer.picture(&view, &look, settings).unwrap();
+        assert!(renderer.show(&elsewhere).unwrap());
+        let (after, _) = renderer.picture(&view, &look, settings).unwrap();
+        let (fresh, _) = Renderer::new(&gpu, &elsewhere).unwrap().picture(&view, &look, settings).unwrap();
+        assert!(after == fresh && after != before, "{settings:?}");
+        assert!(renderer.show(&scene).unwrap());
+        assert_eq!(renderer.picture(&view, &look, settings).unwrap().0, before, "{settings:?}: and back");
+    }
+    let other = crate::scenes::scene(&surface(2999, 5));
+    assert!(!renderer.show(&other).unwrap(), "another number of Gaussians needs another renderer");
+    assert_eq!(renderer.gaussians(), 3000);
+}
+
+/// An engine on the cores, and one on a device, draw moved Gaussians where they are.
+#[test]
+fn an_engine_follows_moved_gaussians() {
+    let scene = Arc::new(scene(&surface(2000, 7)));
+    let elsewhere = Arc::new(moved(&scene));
+    let (look, view) = (Appearance::of(&scene), side_view(64, 48, 40.0));
+    let want = render(&elsewhere, &look, &view, Exact).unwrap().image;
+    for backend in [Backend::Cpu, Backend::Gpu] {
+        if backend == Backend::Gpu && device().is_none() {
+            continue;
+        }
+        let mut engine = Engine::new(Arc::clone(&scene), backend, Some(Rasterizer::Tiles)).unwrap();
+        let before = engine.draw(&look, &view, Standard).unwrap().image;
+        engine.show(&elsewhere).unwrap();
+        assert!(std::ptr::eq(engine.scene(), &*elsewhere), "{backend:?}");
+        let after = engine.draw(&look, &view, Standard).unwrap().image;
+        assert!(decibel(&after, &want) > 50.0 && decibel(&before, &want) < 40.0, "{backend:?}");
+        engine.show(&scene).unwrap();
+        assert_eq!(engine.draw(&look, &view, Standard).unwrap().image, before, "{backend:?}");
+    }
 }
 
 #[test]

@@ -74,6 +74,7 @@ impl WindowUi {
             Action::Polygon => self.scene_view.mouse_tool = MouseTool::Polygon,
             Action::Sphere => self.scene_view.mouse_tool = MouseTool::Sphere,
             Action::Box => self.scene_view.mouse_tool = MouseTool::Box,
+            Action::Move => self.scene_view.mouse_tool = MouseTool::Move,
             Action::Walk => self.tools.mode = BrushMode::Walk,
             Action::Cluster => self.tools.mode = BrushMode::Cluster,
             Action::Point => self.tools.mode = BrushMode::Point,
@@ -206,14 +207,14 @@ impl WindowUi {
         let [width, height] = self.scene_view.size();
         let camera = self.scene_view.navigator.camera(width, height);
         let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
-        self.exporter.export(ExportJob::Picture(Box::new(camera), appearance, finish));
+        self.exporter.export(&self.scene, ExportJob::Picture(Box::new(camera), appearance, finish));
     }
 
     fn export_turn(&mut self, state: &ViewState) {
         let appearance = self.export_appearance(state);
         let finish = Finish::to_look_at(appearance.background, self.tools.gradient);
         let (navigator, size) = (self.scene_view.navigator, self.scene_view.size());
-        self.exporter.export(ExportJob::Turn(navigator, size, appearance, finish));
+        self.exporter.export(&self.scene, ExportJob::Turn(navigator, size, appearance, finish));
         self.line = "drawing a turn around the scene; Esc cancels".to_owned();
     }
 }

@@ -199,14 +199,10 @@ impl WindowUi {
         let backdrop = if transparent { Backdrop::Transparent } else { finish.backdrop };
         let finish = Finish { backdrop, ..finish };
         self.line = format!("drawing {}", path.display());
-        self.exporter.export(ExportJob::NamedPicture {
-            camera: Box::new(camera),
-            appearance,
-            finish,
-            folder,
-            path,
-            replace,
-        });
+        self.exporter.export(
+            &self.scene,
+            ExportJob::NamedPicture { camera: Box::new(camera), appearance, finish, folder, path, replace },
+        );
     }
 
     /// Takes the result of an export. A picture with a name goes on its way to it.

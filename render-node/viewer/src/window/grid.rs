@@ -10,7 +10,7 @@ use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::subject::Subject;
 
-use super::occlusion::visible_parts;
+use super::occlusion::{is_requested, visible_parts};
 use super::scale_bar::{LABELS, outlined_text, round_length};
 use super::scene_lines::LineStyle;
 use super::scene_view::SceneView;
@@ -91,19 +91,19 @@ struct Seen {
 
 /// The grid and the box of one window.
 pub(super) struct GroundGrid {
-    worker: LatestWorker<Appearance, Option<SceneBox>>,
-    requested: Option<Appearance>,
+    worker: LatestWorker<(Arc<Scene>, Appearance), Option<SceneBox>>,
+    requested: Option<(Arc<Scene>, Appearance)>,
     bounds: Option<SceneBox>,
     drawn: Option<(Seen, Vec<Shape>)>,
 }
 
 impl GroundGrid {
-    /// The grid of a scene. The box is found beside the loop; `wake` is called after each.
+    /// The grid of a window. The box is found beside the loop; `wake` is called after each.
     ///
     /// # Errors
     /// The system's error if it cannot start a thread.
-    pub(super) fn new(scene: Arc<Scene>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let work = move |appearance: Appearance| Subject::of(&scene, &appearance).bounds();
+    pub(super) fn new(wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let work = move |(scene, appearance): (Arc<Scene>, Appearance)| Subject::of(&scene, &appearance).bounds();
         let worker = LatestWorker::new("finds-box", work, wake)?;
         Ok(Self { worker, requested: None, bounds: None, drawn: None })
     }
@@ -113,15 +113,15 @@ impl GroundGrid {
         self.worker.is_idle()
     }
 
-    /// The newest box of what is visible. Asks for that of `appearance` where it is not known; does not wait.
-    fn bounds(&mut self, appearance: &Appearance) -> Option<SceneBox> {
+    /// The newest box of what is visible. Asks for that of `scene` and `appearance` where it is not known; does not wait.
+    fn bounds(&mut self, scene: &Arc<Scene>, appearance: &Appearance) -> Option<SceneBox> {
         if let Some(found) = self.worker.take() {
             self.bounds = found;
         }
         let wanted = visible_parts(appearance);
-        if self.requested.as_ref() != Some(&wanted) {
-            self.worker.submit(wanted.clone());
-            self.requested = Some(wanted);
+        if !is_requested(self.requested.as_ref(), scene, &wanted) {
+            self.worker.submit((Arc::clone(scene), wanted.clone()));
+            self.requested = Some((Arc::clone(scene), wanted));
         }
         self.bounds
     }
@@ -135,7 +135,7 @@ impl SceneView {
             return;
         }
         let up = self.scene.orientation.with_up(state.scene.up()).up();
-        let Some(bounds) = self.ground_grid.bounds(appearance) else { return };
+        let Some(bounds) = self.ground_grid.bounds(&self.scene, appearance) else { return };
         let ground = ground(bounds, up);
         let background = appearance.background;
         let ink = if background.element_sum() > 1.5 { Color32::BLACK } else { Color32::WHITE };

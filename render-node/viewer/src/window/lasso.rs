@@ -97,7 +97,7 @@ impl SceneView {
             let share = DVec2::new(f64::from(k % SAMPLES) + 0.5, f64::from(k / SAMPLES) + 0.5) / f64::from(SAMPLES);
             low + share * (high - low)
         });
-        let seen = places.filter(|at| is_within(*at, corners)).filter_map(|at| Some(front.at(&self.scene, at)?.depth));
+        let seen = places.filter(|at| is_within(*at, corners)).filter_map(|at| Some(front.at(at)?.depth));
         let mut depths: Vec<f64> = seen.collect();
         depths.sort_by(f64::total_cmp);
         depths.get(depths.len() / 2).copied()

@@ -21,12 +21,14 @@ pub enum MouseTool {
     Sphere,
     /// Draws a box about a place of the surface.
     Box,
+    /// Moves, turns and scales the selection.
+    Move,
 }
 
 impl MouseTool {
     /// All, in the order of the toolbar.
-    pub const ALL: [Self; 7] =
-        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box];
+    pub const ALL: [Self; 8] =
+        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box, Self::Move];
 
     /// Name in the window.
     #[must_use]
@@ -39,6 +41,7 @@ impl MouseTool {
             Self::Polygon => "polygon",
             Self::Sphere => "sphere",
             Self::Box => "box",
+            Self::Move => "move",
         }
     }
 
@@ -52,6 +55,7 @@ impl MouseTool {
             Self::Polygon => Icon::Polygon,
             Self::Sphere => Icon::Sphere,
             Self::Box => Icon::Cube,
+            Self::Move => Icon::Move,
         }
     }
 
@@ -66,6 +70,7 @@ impl MouseTool {
             Self::Polygon => "Clicks set corners, Enter selects what is inside; with Shift it takes away. (J)",
             Self::Sphere => "A drag from a surface selects what is in the sphere; with Shift it takes away. (O)",
             Self::Box => "A drag from a surface selects what is in the box; with Shift it takes away. (C)",
+            Self::Move => "Arrows move the selection, rings turn it, the square scales it. (Shift+M)",
         }
     }
 }

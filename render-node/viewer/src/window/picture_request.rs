@@ -5,9 +5,11 @@ use std::sync::Arc;
 use sg_raster::render::{Projection, Quality};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
+use sg_scene::model::Scene;
 
 /// The input of a requested picture.
 pub(super) struct PictureRequest {
+    pub(super) scene: Arc<Scene>,
     pub(super) cameras: Vec<Camera>,
     pub(super) appearance: Appearance,
     pub(super) outlines: bool,
@@ -20,7 +22,10 @@ pub(super) struct PictureRequest {
 impl PartialEq for PictureRequest {
     fn eq(&self, other: &Self) -> bool {
         let flags = |r: &Self| (r.outlines, r.gradient, r.quality, r.projection);
-        self.cameras == other.cameras && flags(self) == flags(other) && same(&self.appearance, &other.appearance)
+        Arc::ptr_eq(&self.scene, &other.scene)
+            && self.cameras == other.cameras
+            && flags(self) == flags(other)
+            && same(&self.appearance, &other.appearance)
     }
 }
 

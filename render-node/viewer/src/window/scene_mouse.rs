@@ -43,9 +43,15 @@ impl SceneView {
                 self.navigator.approach(NOTCH.powf(notches));
             }
         }
+        let mut requests = Vec::new();
         let left = response.dragged_by(egui::PointerButton::Primary);
+        let is_move = self.mouse_tool == MouseTool::Move;
+        if !is_move {
+            self.move_tool.clear();
+        }
+        let holds_gizmo = is_move && self.drag_gizmo(ui, &response, alt, (state, &*tools), &mut requests);
         let turns = response.dragged_by(egui::PointerButton::Middle) || (left && alt);
-        if turns || (left && self.mouse_tool == MouseTool::Navigate) {
+        if turns || (left && (self.mouse_tool == MouseTool::Navigate || (is_move && !holds_gizmo))) {
             self.navigator.turn(delta);
         } else if response.dragged_by(egui::PointerButton::Secondary) {
             self.navigator.slide(delta);
@@ -57,7 +63,6 @@ impl SceneView {
             self.fly(ui, dt);
         }
         let sign = if shift { BrushSign::Remove } else { BrushSign::Add };
-        let mut requests = Vec::new();
         if self.mouse_tool != MouseTool::Brush {
             self.hover = None;
         }
@@ -68,7 +73,7 @@ impl SceneView {
             self.shape_tool.clear();
         }
         match self.mouse_tool {
-            MouseTool::Navigate => (),
+            MouseTool::Navigate | MouseTool::Move => (),
             MouseTool::Brush => self.brush(ui, &response, alt, sign, tools, state, &mut requests),
             MouseTool::Lasso | MouseTool::Rectangle => {
                 self.draw_around(&response, alt, sign, (state, tools), &mut requests);

@@ -17,18 +17,20 @@ use sg_scene::orientation::{Axis, Orientation};
 use sg_scene::view::View;
 
 use super::contour::Contour;
-use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
+use super::drawing::{self, DrawnPicture, FrontJob, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
 use super::grid::GroundGrid;
 use super::image_texture::show_image;
 use super::mouse_tool::MouseTool;
+use super::move_tool::MoveTool;
 use super::navigation::Navigator;
 use super::occlusion::OcclusionWorker;
 use super::picture_request::PictureRequest;
 use super::polygon::Polygon;
 use super::shape_tool::ShapeTool;
 use crate::display::{
-    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Tools, ViewState,
+    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, FollowedScene, LatestWorker, Level, Tools,
+    ViewState,
 };
 
 /// Time that a picture may take while something moves, seconds.
@@ -51,7 +53,7 @@ pub(super) struct SceneView {
     pub(super) brush_controller: BrushController,
     picture_worker: LatestWorker<PictureJob, DrawnPicture>,
     occlusion_worker: OcclusionWorker,
-    front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
+    front_worker: LatestWorker<FrontJob, Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
     /// Number of `front`: it counts up with each one found.
     pub(super) front_number: u64,
@@ -77,6 +79,7 @@ pub(super) struct SceneView {
     pub(super) lasso: Vec<Pos2>,
     pub(super) polygon: Polygon,
     pub(super) shape_tool: ShapeTool,
+    pub(super) move_tool: MoveTool,
     pub(super) ground_grid: GroundGrid,
     /// Notches of the wheel for the last walk.
     pub(super) notches: f64,
@@ -115,12 +118,12 @@ impl SceneView {
             mouse_tool: MouseTool::default(),
             stereo: false,
             brush_controller,
-            occlusion_worker: OcclusionWorker::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone())
-                .map_err(threads)?,
+            occlusion_worker: OcclusionWorker::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
             picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            ground_grid: GroundGrid::new(Arc::clone(&scene), wake.clone()).map_err(threads)?,
-            shape_tool: ShapeTool::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
+            ground_grid: GroundGrid::new(wake.clone()).map_err(threads)?,
+            shape_tool: ShapeTool::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
+            move_tool: MoveTool::new(wake.clone()).map_err(threads)?,
+            front_worker: drawing::fronts(pool, wake).map_err(threads)?,
             scene,
             front: None,
             front_number: 0,
@@ -145,6 +148,16 @@ impl SceneView {
         })
     }
 
+    /// Shows the same Gaussians, some of them elsewhere.
+    pub(super) fn show_scene(&mut self, followed: FollowedScene) {
+        self.scene = followed.scene;
+        if let Some(brush) = followed.brush {
+            self.brush_controller.set_brush(brush);
+        }
+        // The surface in front is that of the former places.
+        (self.front, self.requested_front) = (None, None);
+    }
+
     /// Pictures that were late while something moved.
     pub(super) fn late(&self) -> u64 {
         self.adaptive_quality.late()
@@ -156,15 +169,16 @@ impl SceneView {
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
             && self.shape_tool.is_idle()
+            && self.move_tool.is_idle()
             && self.ground_grid.is_idle()
     }
 
     /// Shows the scene's `first` view at the shape of `rect` for as long as the eye stays there, and frames it anew when the
-    /// window changes its shape.
-    pub(super) fn keep_framed(&mut self, first: &mut FirstView, shared: View, rect: Rect) {
+    /// window changes its shape. `file` is the scene without edits.
+    pub(super) fn keep_framed(&mut self, first: &mut FirstView, file: &Scene, shared: View, rect: Rect) {
         if self.framed == Some(self.navigator.view) || self.navigator.view == shared {
             let aspect = f64::from(rect.width().max(1.0)) / f64::from(rect.height().max(1.0));
-            let view = first.shown(&self.scene, shared, aspect);
+            let view = first.shown(file, shared, aspect);
             self.framed = (view != shared).then_some(view);
             self.navigator.view = view;
         }
@@ -222,12 +236,13 @@ impl SceneView {
         self.on_device.take()
     }
 
-    /// Gives up a stroke, a lasso, a polygon or a shape.
+    /// Gives up a stroke, a lasso, a polygon, a shape or a move.
     pub(super) fn abandon(&mut self) {
         self.brush_controller.abandon();
         self.lasso.clear();
         self.polygon.clear();
         self.shape_tool.clear();
+        self.move_tool.clear();
     }
 
     /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here or of a shape.
@@ -257,7 +272,7 @@ impl SceneView {
     pub(super) fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
         let place = at - rect.min;
-        Some(front.at(&self.scene, DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
+        Some(front.at(DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
     }
 
     /// Cameras of the picture in pixels of the screen.
@@ -288,6 +303,7 @@ impl SceneView {
         let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
         let requested = PictureRequest {
+            scene: Arc::clone(&self.scene),
             cameras,
             appearance: appearance.clone(),
             outlines: outlines.is_some(),
@@ -304,14 +320,15 @@ impl SceneView {
         let moving = now.duration_since(self.changed) < SETTLES;
         if !self.settled
             && self.picture_worker.is_idle()
-            && let Some(PictureRequest { cameras, appearance, .. }) = &self.requested
+            && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
             let level = self.adaptive_quality.level(tools.quality, moving);
             let projection = tools.projection;
-            let (cameras, appearance) = (cameras.clone(), appearance.clone());
+            let (scene, cameras, appearance) = (Arc::clone(scene), cameras.clone(), appearance.clone());
             let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
             let finish = Finish::to_look_at(appearance.background, tools.gradient);
             self.picture_worker.submit(PictureJob {
+                scene,
                 cameras,
                 appearance,
                 level,
@@ -353,7 +370,7 @@ impl SceneView {
 
     /// The newest ambient occlusion, where it is wanted.
     pub(super) fn occlusion(&mut self, appearance: &Appearance, tools: &Tools) -> Option<Arc<[f32]>> {
-        tools.occlusion.then(|| self.occlusion_worker.factors(appearance)).flatten()
+        tools.occlusion.then(|| self.occlusion_worker.factors(&self.scene, appearance)).flatten()
     }
 
     /// Takes what has been drawn and found meanwhile. It comes first in a frame: nothing else may cause another frame, and all of this
@@ -410,7 +427,8 @@ impl SceneView {
         let wanted =
             (self.camera(rect), Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() });
         if self.requested_front.as_ref() != Some(&wanted) {
-            self.front_worker.submit(wanted.clone());
+            let (camera, appearance) = wanted.clone();
+            self.front_worker.submit((Arc::clone(&self.scene), camera, appearance));
             self.requested_front = Some(wanted);
         }
     }

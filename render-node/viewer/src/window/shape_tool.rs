@@ -135,6 +135,7 @@ fn circle(centre: DVec3, a: DVec3, b: DVec3) -> impl Iterator<Item = [DVec3; 2]>
 /// What the preview of a shape depends on.
 #[derive(Debug, Clone)]
 struct Wanted {
+    geometry: Arc<Scene>,
     shape: Shape,
     sign: BrushSign,
     include_hidden: bool,
@@ -145,7 +146,9 @@ struct Wanted {
 impl PartialEq for Wanted {
     fn eq(&self, other: &Self) -> bool {
         let plain = |w: &Self| (w.shape, w.sign, w.include_hidden, w.scene.revision());
-        plain(self) == plain(other) && Arc::ptr_eq(&self.selected, &other.selected)
+        plain(self) == plain(other)
+            && Arc::ptr_eq(&self.selected, &other.selected)
+            && Arc::ptr_eq(&self.geometry, &other.geometry)
     }
 }
 
@@ -161,8 +164,10 @@ struct Preview {
 }
 
 impl Preview {
-    fn of(context: &OperationContext, wanted: &Wanted) -> Self {
-        let Wanted { shape, sign, include_hidden, selected, scene } = wanted;
+    fn of(wanted: &Wanted) -> Self {
+        let Wanted { geometry, shape, sign, include_hidden, selected, scene } = wanted;
+        // It computes neighbours and features where an operation needs them; a shape does not.
+        let context = OperationContext::new(Arc::clone(geometry), GeometryOptions::default());
         let mut found = Mask::empty(selected.len());
         let operation = shape.operation(context.scene().bounds);
         // A shape needs no geometry, so nothing fails; without a result nothing is inside.
@@ -205,13 +210,8 @@ impl ShapeTool {
     ///
     /// # Errors
     /// The system's error if it cannot start a thread.
-    pub(super) fn new(
-        scene: Arc<Scene>,
-        pool: Arc<rayon::ThreadPool>,
-        wake: impl Fn() + Send + 'static,
-    ) -> std::io::Result<Self> {
-        let context = OperationContext::new(scene, GeometryOptions::default());
-        let work = move |wanted: Wanted| pool.install(|| Preview::of(&context, &wanted));
+    pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let work = move |wanted: Wanted| pool.install(|| Preview::of(&wanted));
         let worker = LatestWorker::new("finds-inside", work, wake)?;
         Ok(Self { shape: None, drag: None, is_changed: false, worker, wanted: None, preview: None })
     }
@@ -234,13 +234,13 @@ impl ShapeTool {
     }
 
     /// Asks for the preview of the shape, and takes the newest.
-    fn update(&mut self, sign: BrushSign, state: &ViewState, include_hidden: bool) {
+    fn update(&mut self, geometry: &Arc<Scene>, sign: BrushSign, state: &ViewState, include_hidden: bool) {
         let Some(shape) = self.shape else { return };
         if let Some(preview) = self.worker.take() {
             self.preview = Some(preview);
         }
         let (selected, scene) = (Arc::clone(&state.selected), Arc::clone(&state.scene));
-        let wanted = Wanted { shape, sign, include_hidden, selected, scene };
+        let wanted = Wanted { geometry: Arc::clone(geometry), shape, sign, include_hidden, selected, scene };
         if self.wanted.as_ref() != Some(&wanted) {
             self.worker.submit(wanted.clone());
             self.wanted = Some(wanted);
@@ -316,7 +316,7 @@ impl SceneView {
         }
         // The numbers of the card are to be added; only a drag takes away with Shift.
         let sign = if self.shape_tool.drag.is_some() { sign } else { BrushSign::Add };
-        self.shape_tool.update(sign, state, tools.include_hidden);
+        self.shape_tool.update(&self.scene, sign, state, tools.include_hidden);
     }
 
     fn apply_shape(&mut self, combine: Combine, tools: &Tools, requests: &mut Vec<Request>) {
@@ -397,24 +397,12 @@ impl Shape {
         let decimals = (-(NUMBERS.0 * length).log10()).ceil().clamp(0.0, 12.0) as usize;
         let most = NUMBERS.1 * length;
         let number = |ui: &mut Ui, name: &str, value: &mut f64, least: f64| {
-            let text = move |x: f64, _| {
-                let text = format!("{x:.decimals$}");
-                let digits = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-                digits.to_owned()
-            };
+            let text = move |x: f64, _| tool_card::plain(x, decimals);
             let field = DragValue::new(value).speed(SPEED * length).range(least..=most).custom_formatter(text);
             let response = ui.add(field.update_while_editing(false));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         };
-        let in_unit = |name: &str| {
-            let symbol = match unit {
-                Some(LengthUnit::Metre) => ", m",
-                Some(LengthUnit::Millimetre) => ", mm",
-                Some(LengthUnit::Micrometre) => ", µm",
-                None => "",
-            };
-            format!("{name}{symbol}")
-        };
+        let in_unit = |name: &str| tool_card::in_unit(name, unit);
         Grid::new("numbers of a shape").num_columns(4).show(ui, |ui| {
             ui.label(in_unit("centre"));
             let DVec3 { x, y, z } = &mut self.centre;
@@ -483,7 +471,6 @@ mod tests {
         };
         let action = sg_proto::scene::command::Action::SetVisibility(hide);
         let state = Arc::new(state.after(&scene, action).unwrap());
-        let context = OperationContext::new(Arc::clone(&scene), GeometryOptions::default());
         let selected = Arc::new(Mask::from_fn(scene.len(), |i| i < 100));
         let centre = DVec3::new(4.0, 5.0, 6.0);
         let half = DVec3::new(1.0, 3.0, 2.0);
@@ -493,8 +480,10 @@ mod tests {
         ] {
             let is_inside = |i: usize| includes(scene.position(i).unwrap());
             let of = |sign, include_hidden| {
+                let geometry = Arc::clone(&scene);
                 let (selected, scene) = (Arc::clone(&selected), Arc::clone(&state));
-                Preview::of(&context, &Wanted { shape: Shape { centre, reach }, sign, include_hidden, selected, scene })
+                let shape = Shape { centre, reach };
+                Preview::of(&Wanted { geometry, shape, sign, include_hidden, selected, scene })
             };
             let added = of(BrushSign::Add, false);
             let expected = Mask::from_fn(scene.len(), |i| i < 100 || (i < 600 && is_inside(i)));

@@ -21,6 +21,8 @@ pub enum Action {
     Sphere,
     /// The mouse draws a box.
     Box,
+    /// The mouse moves, turns and scales the selection.
+    Move,
     /// Strokes grow to the whole structure.
     Walk,
     /// Strokes change whole Super-Gaussians.
@@ -95,7 +97,7 @@ pub enum Action {
     Nearer,
     /// Goes further away.
     Further,
-    /// Cancels the stroke, lasso, polygon, shape or turntable under way.
+    /// Cancels the stroke, lasso, polygon, shape, move or turntable under way.
     Abandon,
     /// Closes the window.
     Close,
@@ -158,6 +160,7 @@ impl Action {
             | Self::Polygon
             | Self::Sphere
             | Self::Box
+            | Self::Move
             | Self::Walk
             | Self::Cluster
             | Self::Point
@@ -220,6 +223,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::J, "J", Action::Polygon, "the mouse sets the corners of a polygon"),
     plain(Key::O, "O", Action::Sphere, "the mouse draws a sphere"),
     plain(Key::C, "C", Action::Box, "the mouse draws a box"),
+    with(Modifiers::SHIFT, Key::M, "Shift+M", Action::Move, "the mouse moves and turns the selection"),
     plain(Key::Num1, "1", Action::Walk, "Region: strokes grow to the whole structure"),
     plain(Key::Num2, "2", Action::Cluster, "Patch: strokes change whole Super-Gaussians"),
     plain(Key::Num3, "3", Action::Point, "Single: strokes change single Gaussians"),
@@ -285,7 +289,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
-    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso, polygon, shape or turntable under way"),
+    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso, shape, move or turntable under way"),
 ];
 
 /// Mouse functions, for the list.

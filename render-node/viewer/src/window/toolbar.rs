@@ -84,7 +84,12 @@ impl WindowUi {
     /// The tool of the left button, as icons alone where that is `short`, and whether it reaches behind what is in front.
     pub(super) fn tool_choice(&mut self, ui: &mut Ui, state: &ViewState, short: bool) {
         for mouse_tool in MouseTool::ALL {
-            if mouse_tool == MouseTool::Navigate || state.services.selection {
+            let is_there = match mouse_tool {
+                MouseTool::Navigate => true,
+                MouseTool::Move => state.services.scene,
+                _ => state.services.selection,
+            };
+            if is_there {
                 let is_chosen = self.scene_view.mouse_tool == mouse_tool;
                 let button = labelled_button(
                     ui,

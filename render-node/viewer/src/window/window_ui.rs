@@ -28,7 +28,8 @@ use super::settings::Settings;
 use super::shortcuts::{self, KeyFocus};
 use super::window_files::FileMenu;
 use crate::display::{
-    AppearanceBuilder, BrushController, Drafts, FrameStats, ParameterDrag, Request, Tools, ViewPort, ViewState,
+    AppearanceBuilder, BrushController, Drafts, FrameStats, ParameterDrag, Request, SceneFollower, Tools, ViewPort,
+    ViewState,
 };
 use crate::panels::{Panel, PanelHost, Panels, theme};
 
@@ -37,7 +38,11 @@ const NOTICES: f32 = 48.0;
 
 /// The window's content.
 pub struct WindowUi {
+    /// The scene as its file has it.
+    file: Arc<Scene>,
+    /// The scene with Gaussians where edits put them, and what finds it.
     pub(super) scene: Arc<Scene>,
+    follower: SceneFollower,
     pub(super) view_port: ViewPort,
     pub(super) tools: Tools,
     pub(super) drafts: Drafts,
@@ -90,9 +95,12 @@ impl WindowUi {
         view_port.on_update(wake.clone());
         let first = view_port.newest();
         let (shared, opened) = (first.scene.view(), first.scene.geometry().path.clone());
-        let mut navigator = Navigator::new(shared, scene.bounds);
-        navigator.near = near_distance(&scene);
+        let file = scene;
+        let mut navigator = Navigator::new(shared, file.bounds);
+        navigator.near = near_distance(&file);
         navigator.navigation_mode = settings.navigation_mode;
+        let (follower, scene) = SceneFollower::new(Arc::clone(&file), Arc::clone(&first.scene), wake.clone())
+            .map_err(|e| WindowError::Threads(e.to_string()))?;
         let brush = Arc::new(Brush::of_scene(&scene));
         let name = format!("window-{}", std::process::id());
         let brush_controller = BrushController::new(&scene, brush, name);
@@ -100,15 +108,16 @@ impl WindowUi {
         let mut scene_view =
             SceneView::new(engine, Arc::clone(&scene), navigator, brush_controller, Arc::clone(&pool), wake.clone())?;
         scene_view.mouse_tool = settings.mouse_tool;
-        let exporter = Exporter::new(Arc::clone(&scene), pictures.clone(), pool, wake)
-            .map_err(|e| WindowError::Threads(e.to_string()))?;
+        let exporter = Exporter::new(pictures.clone(), pool, wake).map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut panels = Panels::new(PanelHost::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
             tracing::warn!("no curve is shown: {problem}");
         }
         Ok(Self {
-            first_view: FirstView::of(&scene),
+            first_view: FirstView::of(&file),
+            file,
             scene,
+            follower,
             view_port,
             tools,
             drafts: Drafts::default(),
@@ -134,6 +143,12 @@ impl WindowUi {
             frames: 0,
             line: String::new(),
         })
+    }
+
+    /// The scene with Gaussians where the window shows them.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
     }
 
     /// Its settings without the size of the window.
@@ -180,7 +195,7 @@ impl WindowUi {
     /// Whether the best picture of the present state is shown.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.scene_view.is_settled()
+        self.scene_view.is_settled() && self.follower.is_idle()
     }
 
     /// Recreates textures at the next frame, for another context. Pictures may stay on the device of `shown_by`, under that
@@ -218,6 +233,10 @@ impl WindowUi {
         if let Some(left) = self.drafts.expires_in() {
             ui.ctx().request_repaint_after(left);
         }
+        if let Some(followed) = self.follower.follow(&drafted, self.drafts.is_held()) {
+            self.scene = Arc::clone(&followed.scene);
+            self.scene_view.show_scene(followed);
+        }
         let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
@@ -250,7 +269,7 @@ impl WindowUi {
         let mut picture = Rect::NOTHING;
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
             picture = ui.available_rect_before_wrap();
-            self.scene_view.keep_framed(&mut self.first_view, self.shared, ui.available_rect_before_wrap());
+            self.scene_view.keep_framed(&mut self.first_view, &self.file, self.shared, ui.available_rect_before_wrap());
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
@@ -269,10 +288,12 @@ impl WindowUi {
             );
             self.scene_view.show(ui, response.rect, &appearance, &state, &self.tools);
             self.scene_view.show_shape(ui, response.rect, (&state, &self.tools), &mut requests);
+            self.scene_view.show_move_tool(ui, response.rect, (&state, &self.tools), &mut requests);
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
         });
+        self.take_move_draft(ui, &newest);
         self.release_after_rest(ui, &state, &mut requests);
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));

@@ -94,7 +94,9 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         }
         Action::RenameUnit(rename) => format!("“{}” is now named “{}”.", rename.name, rename.new_name),
         Action::Reset(_) => "The appearance is reset. Units and selection are unchanged.".to_owned(),
-        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
+        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) | Action::TransformGaussians(_) => {
+            sentence(&result.summary)
+        }
     }
 }
 

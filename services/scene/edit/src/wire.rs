@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
+use super::placement::Placement;
 use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 use sg_scene::orientation::{Axis, Side};
+use sg_scene::similarity::Similarity;
 use sg_scene::view::View;
 
 /// A message that holds no value of the type it stands for.
@@ -46,6 +48,11 @@ pub enum WireError {
         /// The mismatch.
         source: sg_scene::mask::MaskBytesError,
     },
+    /// A map of Gaussians that is none.
+    #[error(
+        "`{0}` is no similarity: it has a rotation of four numbers and unit length, a finite scale above 0 and a finite translation"
+    )]
+    Similarity(&'static str),
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
@@ -62,6 +69,7 @@ impl WireError {
     pub fn field(&self) -> &'static str {
         match self {
             Self::Missing(field)
+            | Self::Similarity(field)
             | Self::Kind { field, .. }
             | Self::Length { field, .. }
             | Self::Bits { field, .. }
@@ -315,6 +323,42 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
     })
 }
 
+fn encode_placements(parts: &[Placement]) -> proto::Placements {
+    let part = |part: &Placement| {
+        let Similarity { rotation, scale, translation } = part.map;
+        let rotation = vec![rotation.w, rotation.x, rotation.y, rotation.z];
+        let map = proto::Similarity { rotation, scale, translation: Some(encode_vector(translation)) };
+        proto::Placement { map: Some(map), mask: Some(encode_mask(&part.members)) }
+    };
+    proto::Placements { parts: parts.iter().map(part).collect() }
+}
+
+fn decode_placements(message: &proto::Placements, expected: usize) -> Result<Arc<[Placement]>, WireError> {
+    const MASK: &str = "placements.mask";
+    let part = |part: &proto::Placement| {
+        let map = decode_similarity(part.map.as_ref().ok_or(WireError::Missing("placements.map"))?)?;
+        let mask = part.mask.as_ref().ok_or(WireError::Missing(MASK))?;
+        Ok(Placement { map, members: Arc::new(decode_mask(mask, expected, MASK)?) })
+    };
+    message.parts.iter().map(part).collect()
+}
+
+fn decode_similarity(map: &proto::Similarity) -> Result<Similarity, WireError> {
+    const FIELD: &str = "placements.map";
+    let translation = decode_vector(map.translation.as_ref().ok_or(WireError::Missing(FIELD))?);
+    let &[w, x, y, z] = map.rotation.as_slice() else { return Err(WireError::Similarity(FIELD)) };
+    let rotation = DQuat::from_xyzw(x, y, z, w);
+    let is_sound = (rotation.length_squared() - 1.0).abs() < 1e-6
+        && map.scale > 0.0
+        && map.scale.is_finite()
+        && translation.is_finite();
+    if is_sound {
+        Ok(Similarity { rotation, scale: map.scale, translation })
+    } else {
+        Err(WireError::Similarity(FIELD))
+    }
+}
+
 /// A mask that is absent where it would be empty.
 fn decode_optional(
     mask: Option<&proto::Mask>,
@@ -371,6 +415,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Deleted(id) => Item::DeletedUnit(*id),
         Change::Selection(selection) => Item::Selection(encode_selection(selection, true)),
         Change::DeletedGaussians(mask) => Item::DeletedGaussians(encode_mask(mask)),
+        Change::Placements(parts) => Item::Placements(encode_placements(parts)),
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
@@ -395,6 +440,7 @@ pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, 
         Item::DeletedGaussians(mask) => {
             Change::DeletedGaussians(Arc::new(decode_mask(mask, expected, "change.deleted_gaussians")?))
         }
+        Item::Placements(parts) => Change::Placements(decode_placements(parts, expected)?),
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
@@ -428,6 +474,7 @@ impl EditState {
             undo: Vec::new(),
             redo: Vec::new(),
             deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
+            placements: (with_masks && !self.placements.is_empty()).then(|| encode_placements(&self.placements)),
             // Only the owner has it.
             project_path: String::new(),
         }
@@ -458,6 +505,7 @@ impl EditState {
             selection: decode_selection(selection, expected)?,
             deleted: decode_optional(state.deleted.as_ref(), expected, "state.deleted")?
                 .unwrap_or_else(|| Arc::new(Mask::empty(expected))),
+            placements: decode_placements(&state.placements.clone().unwrap_or_default(), expected)?,
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,
@@ -491,6 +539,27 @@ mod tests {
         assert_eq!(decode_mask(&mask, 21, "mask"), Err(WireError::Length { field: "mask", found: 20, expected: 21 }));
         let torn = proto::Mask { bits: mask.bits[..2].to_vec(), ..mask };
         assert!(matches!(decode_mask(&torn, 20, "mask"), Err(WireError::Bits { .. })));
+    }
+
+    #[test]
+    fn places_come_back_and_a_map_that_is_none_is_refused() {
+        let map = Similarity::about(DVec3::ONE, DQuat::from_rotation_x(0.3), 2.0, DVec3::new(1.0, -2.0, 3.0));
+        let parts = [Placement { map, members: Arc::new(Mask::from_fn(20, |i| i < 5)) }];
+        let message = encode_placements(&parts);
+        assert_eq!(decode_placements(&message, 20).as_deref(), Ok(parts.as_slice()));
+        assert!(matches!(decode_placements(&message, 21), Err(WireError::Length { .. })));
+        let spoiled = |spoil: &dyn Fn(&mut proto::Similarity)| {
+            let mut message = message.clone();
+            spoil(message.parts[0].map.as_mut().unwrap());
+            decode_placements(&message, 20)
+        };
+        let wrong = Err(WireError::Similarity("placements.map"));
+        assert_eq!(spoiled(&|m| m.scale = 0.0), wrong);
+        assert_eq!(spoiled(&|m| m.scale = f64::NAN), wrong);
+        assert_eq!(spoiled(&|m| m.rotation[1] += 0.1), wrong);
+        assert_eq!(spoiled(&|m| m.rotation.truncate(3)), wrong);
+        assert_eq!(spoiled(&|m| m.translation.as_mut().unwrap().x = f64::INFINITY), wrong);
+        assert_eq!(spoiled(&|m| m.translation = None), Err(WireError::Missing("placements.map")));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::geometry::GeometryOptions;
 use crate::neighbours::symmetric;
 
 /// First bytes of an entry: format and version.
-const MAGIC: &[u8; 8] = b"SGCLUS01";
+const MAGIC: &[u8; 8] = b"SGCLUS02";
 
 /// Version of the algorithm. It changes with the result for the same scene and options.
 const METHOD_VERSION: &str = "1";
@@ -140,7 +140,7 @@ fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {
         number(&mut out, unit.nnz() / 2);
         for Link { u, v, distances } in links(unit) {
             [u, v].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
-            [distances.length, distances.feature].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            [distances.length, distances.feature, distances.crease].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
         }
     }
     let checksum = blake3::hash(&out);
@@ -210,9 +210,12 @@ fn decode(bytes: &[u8], gaussians: usize) -> Option<(Clustering, ClusterGraph)> 
             [2] => FeatureKind::Printed,
             _ => return None,
         });
-        let links = r.count(24)?;
+        let links = r.count(32)?;
         let links: Vec<(u32, u32, Distances)> = (0..links)
-            .map(|_| Some((r.u32()?, r.u32()?, Distances { length: r.f64()?, feature: r.f64()? })))
+            .map(|_| {
+                let (u, v) = (r.u32()?, r.u32()?);
+                Some((u, v, Distances { length: r.f64()?, feature: r.f64()?, crease: r.f64()? }))
+            })
             .collect::<Option<_>>()?;
         let ascending = links.windows(2).all(|pair| (pair[0].0, pair[0].1) < (pair[1].0, pair[1].1));
         if !ascending || links.iter().any(|&(u, v, _)| u >= v || v as usize >= count) {

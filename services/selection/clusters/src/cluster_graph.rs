@@ -1,7 +1,8 @@
 //! The weighted graph of clusters.
 //!
 //! An edge compares two clusters by g, a distance in the scene, and by δ, the distance of their mean features. The
-//! conductance is w = exp(−(g/σ_s)² − (δ/σ_f)²). The scales σ_s and σ_f are medians over the edges.
+//! conductance is w = exp(−(g/σ_s)² − (δ/σ_f)² − (c⁺/κ)²). The scales σ_s and σ_f are medians over the edges. c⁺ is the
+//! concavity of the contact ([`crate::creases`]); without κ its term is absent, as in the paper.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,7 @@ use sprs::CsMatI;
 
 use crate::bridges::bridges;
 use crate::clustering::{Cluster, Clustering};
+use crate::creases::{concavity, mean_concavity, outward_normals};
 use crate::features::{FeatureKind, WIDTH, median};
 use crate::geometry::{Geometry, UnitGeometry};
 use crate::neighbours::{Edge, Graph, GraphError, neighbour_graph, symmetric};
@@ -41,6 +43,8 @@ pub struct Distances {
     pub length: f64,
     /// δ, the feature distance. Each feature block (scale, normal, shape) is in units of its spread over the clusters.
     pub feature: f64,
+    /// c⁺, the concavity of the contact, 0 to 2. It is 0 where the clusters do not touch or have no normals with a sign.
+    pub crease: f64,
 }
 
 /// An edge between two clusters of a base unit.
@@ -79,14 +83,17 @@ impl ClusterGraph {
             let ids: Vec<u32> =
                 (0..).zip(&clustering.clusters).filter(|(_, c)| c.unit == u && c.size > 0).map(|(i, _)| i).collect();
             let clusters = &clustering.clusters;
-            let lengths = match form {
-                GraphForm::Contact => contacts(unit, clustering, &ids),
+            let touching = contacts(unit, clustering, &ids);
+            let creases: Vec<((u32, u32), f64)> = touching.iter().map(|t| ((t.u, t.v), t.crease)).collect();
+            let crease = |a: u32, b: u32| match creases.binary_search_by_key(&(a, b), |c| c.0) {
+                Ok(at) => creases[at].1,
+                Err(_) => 0.0,
+            };
+            let lengths: Lengths = match form {
+                GraphForm::Contact => touching.iter().map(|t| (t.u, t.v, t.length)).collect(),
                 GraphForm::Printed => nearest_centres(clusters, &ids, geometry.neighbours)?,
-                GraphForm::AllPairs => all_pairs(&contacts(unit, clustering, &ids), clusters.len(), &ids),
-                GraphForm::Euclidean => contacts(unit, clustering, &ids)
-                    .into_iter()
-                    .map(|(a, b, _)| (a, b, straight(clusters, a, b)))
-                    .collect(),
+                GraphForm::AllPairs => all_pairs(&touching, clusters.len(), &ids),
+                GraphForm::Euclidean => touching.iter().map(|t| (t.u, t.v, straight(clusters, t.u, t.v))).collect(),
             };
             let features = ids.iter().map(|&i| clusters[i as usize].feature).collect();
             let features = block_scaled(features, unit.features.kind);
@@ -94,7 +101,9 @@ impl ClusterGraph {
             let entries: Vec<(u32, u32, Distances)> = lengths
                 .into_par_iter()
                 .with_min_len(4096)
-                .map(|(a, b, length)| (a, b, Distances { length, feature: distance(row(a), row(b)) }))
+                .map(|(a, b, length)| {
+                    (a, b, Distances { length, feature: distance(row(a), row(b)), crease: crease(a, b) })
+                })
                 .collect();
             units.push(symmetric(clusters.len(), &entries));
             let vertex_of = centre_vertices(unit, clusters, &ids);
@@ -106,16 +115,35 @@ impl ClusterGraph {
         Ok(Self { clusters: clustering.clusters.len(), units, component })
     }
 
-    /// The weighted graph. σ_s and σ_f are the medians over the edges of each base unit times the given factors.
+    /// The weighted graph. σ_s and σ_f are the medians over the edges of each base unit times the given factors. `crease` is κ,
+    /// above 0; `None` leaves creases out.
     #[must_use]
-    pub fn network(&self, sigma_s: f64, sigma_f: f64) -> Network {
+    pub fn network(&self, sigma_s: f64, sigma_f: f64, crease: Option<f64>) -> Network {
         let mut edges = Vec::new();
         for unit in &self.units {
             let s = sigma_s * typical(links(unit).map(|l| l.distances.length));
             let f = sigma_f * typical(links(unit).map(|l| l.distances.feature));
-            edges.extend(links(unit).map(|l| (l.u, l.v, weight(l.distances.length, s, l.distances.feature, f))));
+            edges.extend(links(unit).map(|l| {
+                let plain = weight(l.distances.length, s, l.distances.feature, f);
+                let bent = crease.map_or(0.0, |kappa| (l.distances.crease / kappa).powi(2));
+                (l.u, l.v, if bent > 0.0 { plain * Conductance::exp(-bent) } else { plain })
+            }));
         }
         Network::new(self.clusters, edges.into_iter())
+    }
+
+    /// The graph with those edges alone that `keep` is true of, by the ids of both clusters. Clusters and components stay.
+    #[must_use]
+    pub fn keeping(&self, keep: impl Fn(u32, u32) -> bool) -> Self {
+        let kept = |unit: &CsMatI<Distances, u32>| {
+            let edges: Vec<_> = links(unit).filter(|l| keep(l.u, l.v)).map(|l| (l.u, l.v, l.distances)).collect();
+            symmetric(self.clusters, &edges)
+        };
+        Self {
+            clusters: self.clusters,
+            units: self.units.iter().map(kept).collect(),
+            component: self.component.clone(),
+        }
     }
 
     /// Every edge of all base units once, unit after unit, ascending by (u, v).
@@ -208,7 +236,27 @@ fn centre_vertices(unit: &UnitGeometry, clusters: &[Cluster], ids: &[u32]) -> Ve
 /// Edges (a, b, g) with a < b, ascending.
 type Lengths = Vec<(u32, u32, f64)>;
 
-fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Lengths {
+/// Two clusters that touch, with `u` < `v`.
+struct Contact {
+    u: u32,
+    v: u32,
+    /// See [`GraphForm::Contact`].
+    length: f64,
+    crease: f64,
+}
+
+/// A neighbour pair across the border of the clusters u < v.
+struct Crossing {
+    between: (u32, u32),
+    /// Length of the way from centre to centre over this pair.
+    way: f64,
+    /// Distance of the two Gaussians.
+    apart: f64,
+    concavity: f64,
+}
+
+/// The contacts of a unit's clusters, ascending.
+fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Vec<Contact> {
     let graph = unit.joined();
     let label: Vec<i32> = unit.vertices.gaussian.iter().map(|&g| clustering.labels[g as usize]).collect();
     let centres = centre_vertices(unit, &clustering.clusters, ids);
@@ -238,20 +286,41 @@ fn contacts(unit: &UnitGeometry, clustering: &Clustering, ids: &[u32]) -> Length
     for (v, d) in found.into_iter().flatten() {
         inside[v as usize] = d;
     }
-    let mut crossing: Lengths = (0..graph.len() as u32)
+    let normals = outward_normals(unit);
+    let bent = |a: u32, b: u32| match (normals.get(a as usize), normals.get(b as usize)) {
+        (Some(m), Some(n)) => concavity([*m, *n], [a, b].map(|v| unit.vertices.position[v as usize])),
+        _ => 0.0,
+    };
+    let mut crossing: Vec<Crossing> = (0..graph.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .flat_map_iter(|a| {
-            let (label, inside) = (&label, &inside);
-            graph.neighbours(a).filter_map(move |(b, length)| {
+            let (label, inside, bent) = (&label, &inside, &bent);
+            graph.neighbours(a).filter_map(move |(b, apart)| {
                 let (u, v) = (label[a as usize], label[b as usize]);
-                (u >= 0 && v > u).then(|| (u as u32, v as u32, inside[a as usize] + length + inside[b as usize]))
+                (u >= 0 && v > u).then(|| Crossing {
+                    between: (u as u32, v as u32),
+                    way: inside[a as usize] + apart + inside[b as usize],
+                    apart,
+                    concavity: bent(a, b),
+                })
             })
         })
         .collect();
-    crossing.par_sort_unstable_by(|x, y| (x.0, x.1).cmp(&(y.0, y.1)).then(x.2.total_cmp(&y.2)));
-    crossing.dedup_by(|later, first| (later.0, later.1) == (first.0, first.1));
-    crossing
+    // Equal distances are ordered by concavity, so that the sum does not depend on the order of the vertices.
+    crossing.par_sort_unstable_by(|x, y| {
+        let near = x.apart.total_cmp(&y.apart).then(x.concavity.total_cmp(&y.concavity));
+        x.between.cmp(&y.between).then(near)
+    });
+    let touching = crossing.chunk_by(|x, y| x.between == y.between);
+    touching
+        .map(|pairs| Contact {
+            u: pairs[0].between.0,
+            v: pairs[0].between.1,
+            length: pairs.iter().map(|c| c.way).fold(f64::INFINITY, f64::min),
+            crease: mean_concavity(pairs.iter().map(|c| (c.apart, c.concavity))),
+        })
+        .collect()
 }
 
 /// The k nearest clusters by mean position, symmetric, with bridges between components.
@@ -274,8 +343,8 @@ fn nearest_centres(clusters: &[Cluster], ids: &[u32], k: usize) -> Result<Length
     Ok(lengths)
 }
 
-fn all_pairs(contacts: &Lengths, clusters: usize, ids: &[u32]) -> Lengths {
-    let graph = Graph::from_edges(clusters, contacts.iter().map(|&(a, b, length)| Edge { a, b, length }));
+fn all_pairs(contacts: &[Contact], clusters: usize, ids: &[u32]) -> Lengths {
+    let graph = Graph::from_edges(clusters, contacts.iter().map(|c| Edge { a: c.u, b: c.v, length: c.length }));
     let pool = SearchPool::default();
     ids.par_iter()
         .flat_map_iter(|&u| {

@@ -20,7 +20,7 @@
 //! assert!((1..=60).contains(&report.clusters));
 //!
 //! let graph = ClusterGraph::new(&geometry, &clustering, GraphForm::Contact)?;
-//! let network = graph.network(1.0, 1.0);
+//! let network = graph.network(1.0, 1.0, None);
 //! assert_eq!(network.len(), report.clusters);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -34,11 +34,13 @@ pub mod bvh;
 pub mod cache;
 pub mod cluster_graph;
 pub mod clustering;
+pub mod creases;
 pub mod euclidean;
 pub mod features;
 pub mod geometry;
 pub mod merge;
 pub mod neighbours;
+pub mod orientation;
 pub mod polyline;
 pub mod progress;
 pub mod seeds;

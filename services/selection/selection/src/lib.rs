@@ -1,6 +1,7 @@
 //! Interactive selection in scenes of Gaussians: strokes, operations, sessions and previews.
 //!
 //! - [`selection_index`]: a scene prepared for selections, shared by all sessions.
+//! - [`answers`]: one stroke answered at every scale.
 //! - [`session`]: steps in, mask out; [`preview`] while a stroke is drawn; [`refinement`] of the boundary.
 //! - [`steps`]: a [stroke](strokes), an [operation](operations), or [walk parameters](tuning).
 //! - [`brush`]: Gaussians under a stroke. [`operation_context`]: the scene data of operations.
@@ -48,6 +49,7 @@
 
 #![cfg_attr(test, allow(clippy::print_stdout, reason = "tests print what they measure"))]
 
+pub mod answers;
 pub mod brush;
 pub mod cluster_members;
 pub mod mask_agreement;

@@ -9,9 +9,10 @@ use sg_clusters::geometry::Geometry;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_walk::WalkError;
-use sg_walk::elimination::Elimination;
+use sg_walk::elimination::{Elimination, EliminationFamily};
 use sg_walk::uncertainty::ProposalQuery;
 
+use crate::answers::Answers;
 use crate::brush::Brush;
 use crate::cluster_members::ClusterMembers;
 use crate::operation_context::OperationContext;
@@ -264,6 +265,29 @@ impl SelectionIndex {
         background: impl Iterator<Item = u32>,
     ) -> Result<Walk, WalkError> {
         self.walks.walk(elimination, leak, foreground, background)
+    }
+
+    /// The initial elimination of walks at every scale. `None` if the options do not ask for it, for another solver than the
+    /// elimination in f64, for the farthest rule, and on single Gaussians.
+    #[must_use]
+    pub fn family(&self) -> Option<&EliminationFamily> {
+        self.walks.family()
+    }
+
+    /// Solves the walks of a family that the caller keeps between walks; start with [`SelectionIndex::family`].
+    ///
+    /// Returns the walk of the first answer, and all answers. `threshold` is the limit of p − q.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the solver breaks down.
+    pub fn walk_at_every_scale(
+        &self,
+        family: &mut EliminationFamily,
+        threshold: f64,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Option<(Walk, Answers)>, WalkError> {
+        self.walks.walk_at_every_scale(family, threshold, foreground, background)
     }
 }
 

@@ -5,18 +5,20 @@
 //! removes. So the mask depends only on the list of steps, and walk strokes count as if they came first. The last tuning
 //! of the list sets the parameters of the walk, at any position.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use serde::Serialize;
 use sg_scene::mask::Mask;
 
+use crate::answers::Answers;
 use crate::brush::OpenStroke;
 use crate::selection_index::{SelectionIndex, Walk};
 use crate::steps::{Step, StepError};
 use crate::strokes::{Kind, MAX_STEPS, Mode, Stroke};
 use crate::tuning::Tuning;
 use sg_clusters::geometry::GeometryError;
-use sg_walk::elimination::Elimination;
+use sg_walk::elimination::{Elimination, EliminationFamily};
 use sg_walk::uncertainty::{Uncertainty, node_uncertainty, proposals};
 use sg_walk::{THRESHOLD, WalkError};
 
@@ -86,7 +88,14 @@ pub struct SelectionSession {
     foreground: Mask,
     background: Mask,
     tuning: Tuning,
+    /// Whether a step or a call set the tuning. Otherwise the first answer sets the leak, where there is a family.
+    tuned: bool,
     elimination: Option<Elimination>,
+    /// Whether the elimination is that of the walk. After a walk at every scale it is that of an earlier one.
+    eliminated: bool,
+    family: Option<EliminationFamily>,
+    /// The answers to the present strokes. `None` until they are asked for if the tuning is set.
+    answers: Option<Answers>,
     walk: Option<Walk>,
     walk_layer: Mask,
     mask: Mask,
@@ -99,7 +108,11 @@ impl SelectionSession {
         let empty = Mask::empty(index.gaussians());
         Self {
             tuning: default_tuning(&index),
+            tuned: false,
             elimination: index.elimination().cloned(),
+            eliminated: false,
+            family: index.family().cloned(),
+            answers: None,
             index,
             applied: Vec::new(),
             foreground: empty.clone(),
@@ -208,10 +221,41 @@ impl SelectionSession {
 
     /// Solves the walk from the present seeds and rebuilds the mask.
     fn solve(&mut self) -> Result<(), SelectionError> {
+        self.answers = None;
+        if !self.tuned
+            && let Some((walk, answers)) = self.walk_at_every_scale()?
+        {
+            self.tuning.leak = answers.first().leak;
+            self.walk = Some(walk);
+            self.answers = Some(answers);
+            self.eliminated = false;
+            return self.rebuild_mask();
+        }
         let (foreground, background) = (ones(&self.foreground), ones(&self.background));
         self.walk =
             Some(self.index.walk_incremental(&mut self.elimination, self.tuning.leak, foreground, background)?);
+        self.eliminated = true;
         self.rebuild_mask()
+    }
+
+    /// The walk of the first answer to the present strokes, and all answers. `None` without a family.
+    fn walk_at_every_scale(&mut self) -> Result<Option<(Walk, Answers)>, SelectionError> {
+        let Some(family) = &mut self.family else { return Ok(None) };
+        let (foreground, background) = (ones(&self.foreground), ones(&self.background));
+        Ok(self.index.walk_at_every_scale(family, self.tuning.threshold, foreground, background)?)
+    }
+
+    /// The answers to the strokes at every scale ([`crate::answers`]). `None` without a walk stroke or without a family.
+    ///
+    /// A tuning does not change the answers, apart from its threshold. So a user steps between the same ones.
+    ///
+    /// # Errors
+    /// [`SelectionError::Walk`].
+    pub fn answers(&mut self) -> Result<Option<&Answers>, SelectionError> {
+        if self.answers.is_none() && self.walk.is_some() {
+            self.answers = self.walk_at_every_scale()?.map(|(_, answers)| answers);
+        }
+        Ok(self.answers.as_ref())
     }
 
     /// Rebuilds the mask from the walk's probabilities and the other steps.
@@ -267,6 +311,10 @@ impl SelectionSession {
         }
         let mut next = self.clone();
         next.tuning = tuning;
+        next.tuned = true;
+        if tuning.threshold != self.tuning.threshold {
+            next.answers = None;
+        }
         if tuning.leak == self.tuning.leak {
             next.rebuild_mask()?;
         } else {
@@ -276,23 +324,36 @@ impl SelectionSession {
         Ok(())
     }
 
+    /// The elimination of the present walk.
+    fn solved_elimination(&self, walk: &Walk) -> Option<Cow<'_, Elimination>> {
+        let kept = self.elimination.as_ref()?;
+        if self.eliminated {
+            return Some(Cow::Borrowed(kept));
+        }
+        let mut own = kept.clone();
+        own.solve(&walk.seeds, self.tuning.leak, Some(&self.index.active(&walk.units))).ok()?;
+        Some(Cow::Owned(own))
+    }
+
     /// Uncertainty of the last walk, one entry per node. `None` without a walk or without an elimination in f64.
     #[must_use]
     pub fn uncertainty(&self) -> Option<Uncertainty> {
-        let (walk, elimination) = (self.walk.as_ref()?, self.elimination.as_ref()?);
+        let walk = self.walk.as_ref()?;
+        let elimination = self.solved_elimination(walk)?;
         let active = self.index.active(&walk.units);
         let query = self.index.proposal_query(&active, self.tuning.threshold);
-        node_uncertainty(elimination, &walk.seeds, &walk.solution, &query)
+        node_uncertainty(&elimination, &walk.seeds, &walk.solution, &query)
     }
 
     /// At most `count` proposals for the next stroke, best first and spread out. Empty without a walk or without an
     /// elimination in f64.
     #[must_use]
     pub fn proposals(&self, count: usize) -> Vec<Proposal> {
-        let (Some(walk), Some(elimination)) = (&self.walk, &self.elimination) else { return Vec::new() };
+        let Some(walk) = &self.walk else { return Vec::new() };
+        let Some(elimination) = self.solved_elimination(walk) else { return Vec::new() };
         let active = self.index.active(&walk.units);
         let query = self.index.proposal_query(&active, self.tuning.threshold);
-        proposals(elimination, &walk.seeds, &walk.solution, &query, count)
+        proposals(&elimination, &walk.seeds, &walk.solution, &query, count)
             .into_iter()
             .filter_map(|c| {
                 Some(Proposal {
@@ -327,6 +388,7 @@ impl SelectionSession {
         let Some((last, earlier)) = self.applied.split_last() else { return Ok(None) };
         let mut blank = Self::new(Arc::clone(&self.index));
         blank.elimination.clone_from(&self.elimination);
+        blank.family.clone_from(&self.family);
         let rebuilt = blank.replay(earlier)?;
         let step = last.step.clone();
         *self = rebuilt;
@@ -376,6 +438,7 @@ impl SelectionSession {
             }
             if let Step::Tuning(tuning) = applied.step {
                 session.tuning = tuning;
+                session.tuned = true;
             }
             session.applied.push(applied.clone());
         }
@@ -447,5 +510,7 @@ fn apply(index: &SelectionIndex, mask: &mut Mask, applied: &AppliedStep) -> Resu
     Ok(())
 }
 
+#[cfg(test)]
+mod every_scale_tests;
 #[cfg(test)]
 mod tests;

@@ -14,11 +14,16 @@ use std::sync::Arc;
 use sprs::{CsMatI, PermOwnedI, transform_mat_papt};
 
 use super::conductance::Conductance;
-use super::gth::{F64_RANGE, Real};
+use super::gth::{Arithmetic, F64_RANGE, Real};
 use super::network::{range, row};
 use super::ordering::minimum_degree;
 use super::system::Fill;
 use super::{Network, Seed, Solution, WalkError};
+
+mod family;
+mod hitting;
+
+pub use family::EliminationFamily;
 
 /// The structure of the elimination of a graph. It does not depend on the seeds.
 #[derive(Debug)]
@@ -79,6 +84,23 @@ impl Structure {
         Self { order, fill, before_offsets, before, dense, ordered, later, exponents, degree }
     }
 
+    /// Ranks whose seed or leaking state differs from a list of nodes, with the columns that change. Updates both states.
+    fn update(&self, seeds: &[Seed], leaking: Option<&[bool]>, own: &mut Terminals, changed: &mut [bool]) {
+        for (k, &u) in self.order.iter().enumerate() {
+            let (seed, leaks) = (seeds[u as usize], leaking.is_none_or(|l| l[u as usize]));
+            if own.seeds[k] != seed {
+                own.seeds[k] = seed;
+                if let Some(parent) = self.fill.parent(k) {
+                    changed[parent as usize] = true;
+                }
+            }
+            if own.leaking[k] != leaks {
+                own.leaking[k] = leaks;
+                changed[k] = true;
+            }
+        }
+    }
+
     /// Smallest and largest binary exponent of the conductances, including a leak.
     fn exponents(&self, leak: Conductance) -> (i64, i64) {
         let leaks = exponent_range(self.degree.iter().map(|&d| d * leak));
@@ -116,7 +138,7 @@ struct Columns<T> {
     runs: Vec<(T, Range<usize>)>,
 }
 
-impl<T: Real> Columns<T> {
+impl<T: Arithmetic> Columns<T> {
     fn new(structure: &Structure, shift: i64) -> Self {
         let n = structure.order.len();
         Self {
@@ -155,13 +177,13 @@ impl<T: Real> Columns<T> {
         self.runs.clear();
     }
 
-    /// Computes column k from the earlier columns.
-    fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
+    /// Computes column k from the earlier columns. `background` is the conductance of the node's leak.
+    fn compute(&mut self, s: &Structure, k: usize, seeds: &[Seed], background: T) {
         let rows = s.fill.rows();
         for (j, c) in s.own(k) {
             self.work[j as usize] = T::of(c, self.shift);
         }
-        let (mut f, mut b) = (T::ZERO, T::of(s.degree[k] * leak, self.shift));
+        let (mut f, mut b) = (T::ZERO, background);
         for &(c, at) in &s.before[s.before_offsets[k]..s.before_offsets[k + 1]] {
             let (c, at) = (c as usize, at as usize);
             let w = self.entry[at];
@@ -204,6 +226,13 @@ impl<T: Real> Columns<T> {
         }
         (self.foreground[k], self.background[k], self.total[k]) = (f, b, sum);
     }
+}
+
+impl<T: Real> Columns<T> {
+    /// Computes column k with a leak in units of the node's degree.
+    fn compute_leaking(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
+        self.compute(s, k, seeds, T::of(s.degree[k] * leak, self.shift));
+    }
 
     fn probabilities(&self, s: &Structure, seeds: &[Seed]) -> Solution {
         let n = s.order.len();
@@ -236,78 +265,30 @@ impl<T: Real> Columns<T> {
         }
         solution
     }
+}
 
-    /// Solves (Laplacian of the unknowns)·x = `source`, by rank and in units of this elimination. x is 0 at seeds. It is also 0
-    /// where no terminal is reachable.
-    fn green(&self, s: &Structure, seeds: &[Seed], mut source: Vec<T>) -> Vec<T> {
-        let n = s.order.len();
-        let rows = s.fill.rows();
-        let open: Vec<bool> = (0..n).map(|k| seeds[k] == Seed::None && !self.total[k].is_nothing()).collect();
-        for k in 0..n {
-            if !open[k] {
-                source[k] = T::ZERO;
-            } else if !source[k].is_nothing() {
-                let share = source[k] / self.total[k];
-                for (&j, &w) in rows[s.fill.column(k)].iter().zip(&self.entry[s.fill.column(k)]) {
-                    source[j as usize] = source[j as usize] + share * w;
-                }
-            }
-        }
-        for k in (0..n).rev().filter(|&k| open[k]) {
-            let mut sum = source[k];
-            for (&j, &w) in rows[s.fill.column(k)].iter().zip(&self.entry[s.fill.column(k)]) {
-                sum = sum + w * source[j as usize];
-            }
-            source[k] = sum / self.total[k];
-        }
-        source
-    }
+/// Seeds and leaking nodes of a walk, by rank.
+#[derive(Debug, Clone)]
+struct Terminals {
+    seeds: Vec<Seed>,
+    leaking: Vec<bool>,
+}
 
-    /// Diagonal of the inverse of the unknowns' Laplacian, by rank (Takahashi, Fagan, Chen 1973). The factors of such a
-    /// matrix have one sign, so no subtraction is needed.
-    fn green_diagonal(&self, s: &Structure, seeds: &[Seed]) -> Vec<T> {
-        let n = s.order.len();
-        let rows = s.fill.rows();
-        let one = T::of(Conductance::ONE, 0);
-        let mut inverse = vec![T::ZERO; self.entry.len()];
-        let mut diagonal = vec![T::ZERO; n];
-        let mut place = vec![usize::MAX; n];
-        let mut sums: Vec<T> = Vec::new();
-        for k in (0..n).rev() {
-            if seeds[k] != Seed::None || self.total[k].is_nothing() {
-                continue;
-            }
-            let column = s.fill.column(k);
-            let own = &self.entry[column.clone()];
-            sums.clear();
-            sums.resize(own.len(), T::ZERO);
-            for (a, &i) in rows[column.clone()].iter().enumerate() {
-                place[i as usize] = a;
-            }
-            for (a, &i) in rows[column.clone()].iter().enumerate() {
-                sums[a] = sums[a] + own[a] * diagonal[i as usize];
-                let later = s.fill.column(i as usize);
-                for (&j, &z) in rows[later.clone()].iter().zip(&inverse[later]) {
-                    if let Some(&w) = own.get(place[j as usize]) {
-                        let b = place[j as usize];
-                        sums[b] = sums[b] + own[a] * z;
-                        sums[a] = sums[a] + w * z;
-                    }
-                }
-            }
-            let mut sum = one;
-            for (&w, &z) in own.iter().zip(&sums) {
-                sum = sum + w * (z / self.total[k]);
-            }
-            diagonal[k] = sum / self.total[k];
-            for (at, &j) in column.clone().zip(&rows[column.clone()]) {
-                let z = sums[at - column.start] / self.total[k];
-                inverse[at] = if seeds[j as usize] == Seed::None { z } else { T::ZERO };
-                place[j as usize] = usize::MAX;
-            }
-        }
-        diagonal
+impl Terminals {
+    fn none(n: usize) -> Self {
+        Self { seeds: vec![Seed::None; n], leaking: vec![true; n] }
     }
+}
+
+fn check(seeds: &[Seed], leaking: Option<&[bool]>, n: usize) -> Result<(), WalkError> {
+    if seeds.len() != n || leaking.is_some_and(|l| l.len() != n) {
+        return Err(WalkError::Seeds { found: seeds.len(), nodes: n });
+    }
+    Ok(())
+}
+
+fn broken_down() -> WalkError {
+    WalkError::Breakdown { solver: "gth in f64", reason: "a conductance underflowed or overflowed".to_owned() }
 }
 
 #[derive(Debug, Clone)]
@@ -320,8 +301,7 @@ enum Numbers {
 #[derive(Debug, Clone)]
 pub struct Elimination {
     structure: Arc<Structure>,
-    seeds: Vec<Seed>,
-    leaking: Vec<bool>,
+    terminals: Terminals,
     leak: f64,
     numbers: Option<Numbers>,
     made: usize,
@@ -339,7 +319,7 @@ impl Elimination {
             Some(order) => Structure::new(network, order),
             None => Structure::new(network, &minimum_degree(network.adjacency())),
         });
-        Self { structure, seeds: vec![Seed::None; n], leaking: vec![true; n], leak: 0.0, numbers: None, made: 0 }
+        Self { structure, terminals: Terminals::none(n), leak: 0.0, numbers: None, made: 0 }
     }
 
     /// Number of nodes.
@@ -392,9 +372,7 @@ impl Elimination {
         if !(leak >= 0.0 && leak.is_finite()) {
             return Err(WalkError::Leak(leak));
         }
-        if seeds.len() != n || leaking.is_some_and(|l| l.len() != n) {
-            return Err(WalkError::Seeds { found: seeds.len(), nodes: n });
-        }
+        check(seeds, leaking, n)?;
         let structure = Arc::clone(&self.structure);
         let conductance = Conductance::new(leak).unwrap_or(Conductance::ZERO);
         let (least, largest) = structure.exponents(conductance);
@@ -412,19 +390,7 @@ impl Elimination {
                 }
             }
         };
-        for (k, &u) in structure.order.iter().enumerate() {
-            let (seed, leaks) = (seeds[u as usize], leaking.is_none_or(|l| l[u as usize]));
-            if self.seeds[k] != seed {
-                self.seeds[k] = seed;
-                if let Some(parent) = structure.fill.parent(k) {
-                    changed[parent as usize] = true;
-                }
-            }
-            if self.leaking[k] != leaks {
-                self.leaking[k] = leaks;
-                changed[k] = true;
-            }
-        }
+        structure.update(seeds, leaking, &mut self.terminals, &mut changed);
         self.leak = leak;
         self.made = 0;
         let mut numbers = numbers;
@@ -432,10 +398,10 @@ impl Elimination {
             if !changed[k] {
                 continue;
             }
-            let own = if self.leaking[k] { conductance } else { Conductance::ZERO };
+            let own = if self.terminals.leaking[k] { conductance } else { Conductance::ZERO };
             match &mut numbers {
-                Numbers::Plain(columns) => columns.compute(&structure, k, &self.seeds, own),
-                Numbers::Wide(columns) => columns.compute(&structure, k, &self.seeds, own),
+                Numbers::Plain(columns) => columns.compute_leaking(&structure, k, &self.terminals.seeds, own),
+                Numbers::Wide(columns) => columns.compute_leaking(&structure, k, &self.terminals.seeds, own),
             }
             self.made += 1;
             if let Some(parent) = structure.fill.parent(k) {
@@ -443,12 +409,11 @@ impl Elimination {
             }
         }
         let solution = match &numbers {
-            Numbers::Plain(columns) => columns.probabilities(&structure, &self.seeds),
-            Numbers::Wide(columns) => columns.probabilities(&structure, &self.seeds),
+            Numbers::Plain(columns) => columns.probabilities(&structure, &self.terminals.seeds),
+            Numbers::Wide(columns) => columns.probabilities(&structure, &self.terminals.seeds),
         };
         if !solution.p.iter().chain(&solution.q).all(|x| x.is_finite()) {
-            let reason = "a conductance underflowed or overflowed".to_owned();
-            return Err(WalkError::Breakdown { solver: "gth in f64", reason });
+            return Err(broken_down());
         }
         self.numbers = Some(numbers);
         Ok(solution)
@@ -465,8 +430,7 @@ impl Elimination {
         structure.degree = structure.order.iter().map(of).collect();
         let structure = Arc::new(structure);
         let seeds = vec![Seed::None; n];
-        let mut out =
-            Self { structure, seeds: seeds.clone(), leaking: vec![true; n], leak: 0.0, numbers: None, made: 0 };
+        let mut out = Self { structure, terminals: Terminals::none(n), leak: 0.0, numbers: None, made: 0 };
         out.solve(&seeds, 1.0, None)?;
         Ok(out)
     }
@@ -483,70 +447,17 @@ impl Elimination {
         match &self.numbers {
             Some(Numbers::Plain(columns)) => {
                 let source = s.order.iter().map(|&u| b[u as usize]).collect();
-                put(1.0, columns.shift, &mut columns.green(s, &self.seeds, source).into_iter());
+                put(1.0, columns.shift, &mut columns.green(s, &self.terminals.seeds, source).into_iter());
             }
             Some(Numbers::Wide(columns)) => {
                 for sign in [1.0, -1.0] {
                     let of = |u: &u32| Conductance::new((sign * b[*u as usize]).max(0.0)).unwrap_or(Conductance::ZERO);
                     let source = s.order.iter().map(of).collect();
-                    let x = columns.green(s, &self.seeds, source);
+                    let x = columns.green(s, &self.terminals.seeds, source);
                     put(sign, 0, &mut x.into_iter().map(Conductance::value));
                 }
             }
             None => {}
-        }
-        out
-    }
-
-    /// Probability, for each start node, that a walker visits `node` before its walk ends; 1 at `node` itself.
-    ///
-    /// `None` before the first walk, at a seed, and where no terminal is reachable.
-    #[must_use]
-    pub fn hitting(&self, node: usize) -> Option<Vec<f64>> {
-        match self.numbers.as_ref()? {
-            Numbers::Plain(columns) => self.hitting_in(columns, node),
-            Numbers::Wide(columns) => self.hitting_in(columns, node),
-        }
-    }
-
-    fn hitting_in<T: Real>(&self, columns: &Columns<T>, node: usize) -> Option<Vec<f64>> {
-        let s = &self.structure;
-        let k = s.order.iter().position(|&u| u as usize == node)?;
-        if self.seeds[k] != Seed::None || columns.total[k].is_nothing() {
-            return None;
-        }
-        let mut source = vec![T::ZERO; s.order.len()];
-        source[k] = T::of(Conductance::ONE, 0);
-        let green = columns.green(s, &self.seeds, source);
-        let mut out = vec![0.0; green.len()];
-        for (&u, &g) in s.order.iter().zip(&green) {
-            out[u as usize] = (g / green[k]).value();
-        }
-        Some(out)
-    }
-
-    /// Σ over i of `mass[i]` times the probability that a walker from i visits s, for each node s. Masses are at least 0.
-    ///
-    /// The cost for all s is about one elimination. The sum is 0 at seeds and where no terminal is reachable. `None` before
-    /// the first walk.
-    #[must_use]
-    pub fn hitting_mass(&self, mass: &[f64]) -> Option<Vec<f64>> {
-        match self.numbers.as_ref()? {
-            Numbers::Plain(columns) => Some(self.hitting_mass_in(columns, mass)),
-            Numbers::Wide(columns) => Some(self.hitting_mass_in(columns, mass)),
-        }
-    }
-
-    fn hitting_mass_in<T: Real>(&self, columns: &Columns<T>, mass: &[f64]) -> Vec<f64> {
-        let s = &self.structure;
-        let of = |u: &u32| Conductance::new(mass[*u as usize]).unwrap_or(Conductance::ZERO);
-        let green = columns.green(s, &self.seeds, s.order.iter().map(|u| T::of(of(u), 0)).collect());
-        let diagonal = columns.green_diagonal(s, &self.seeds);
-        let mut out = vec![0.0; green.len()];
-        for ((&u, g), d) in s.order.iter().zip(green).zip(diagonal) {
-            if !d.is_nothing() {
-                out[u as usize] = (g / d).value();
-            }
         }
         out
     }

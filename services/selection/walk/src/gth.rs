@@ -11,54 +11,70 @@ use super::conductance::Conductance;
 use super::system::System;
 use super::{SystemSolver, WalkError};
 
-/// Arithmetic that elimination runs in.
-pub(super) trait Real: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
+/// Arithmetic that elimination runs in: one number, or the numbers of several walks side by side.
+pub(super) trait Arithmetic: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     const ZERO: Self;
     fn of(c: Conductance, shift: i64) -> Self;
-    fn value(self) -> f64;
-
-    fn is_nothing(self) -> bool {
-        self.value() == 0.0
-    }
+    /// Whether every number is 0.
+    fn is_nothing(self) -> bool;
 }
 
-impl Real for f64 {
+/// Arithmetic of one walk.
+pub(super) trait Real: Arithmetic {
+    fn value(self) -> f64;
+}
+
+impl Arithmetic for f64 {
     const ZERO: Self = 0.0;
 
     fn of(c: Conductance, shift: i64) -> Self {
         c.scaled(shift)
     }
 
+    fn is_nothing(self) -> bool {
+        self == 0.0
+    }
+}
+
+impl Real for f64 {
     fn value(self) -> f64 {
         self
     }
 }
 
-impl Real for f32 {
+impl Arithmetic for f32 {
     const ZERO: Self = 0.0;
 
     fn of(c: Conductance, shift: i64) -> Self {
         c.scaled(shift) as Self
     }
 
+    fn is_nothing(self) -> bool {
+        self == 0.0
+    }
+}
+
+impl Real for f32 {
     fn value(self) -> f64 {
         f64::from(self)
     }
 }
 
-impl Real for Conductance {
+impl Arithmetic for Conductance {
     const ZERO: Self = Self::ZERO;
 
     fn of(c: Conductance, _: i64) -> Self {
         c
     }
 
-    fn value(self) -> f64 {
-        self.scaled(0)
-    }
-
     fn is_nothing(self) -> bool {
         self.is_zero()
+    }
+}
+
+impl Real for Conductance {
+    fn value(self) -> f64 {
+        self.scaled(0)
     }
 }
 

@@ -8,7 +8,7 @@ use std::ops::{Add, Div, Mul};
 use proptest::prelude::*;
 use rand::RngExt;
 
-use super::gth::{Real, eliminate};
+use super::gth::{Arithmetic, Real, eliminate};
 use super::system::System;
 use super::*;
 use sg_scene::synthetic::generator;
@@ -61,13 +61,19 @@ impl Div for Double {
     }
 }
 
-impl Real for Double {
+impl Arithmetic for Double {
     const ZERO: Self = Self { high: 0.0, low: 0.0 };
 
     fn of(c: Conductance, shift: i64) -> Self {
         Self { high: c.scaled(shift), low: 0.0 }
     }
 
+    fn is_nothing(self) -> bool {
+        self.high == 0.0
+    }
+}
+
+impl Real for Double {
     fn value(self) -> f64 {
         self.high + self.low
     }

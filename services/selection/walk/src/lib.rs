@@ -65,6 +65,8 @@ pub mod uncertainty;
 #[cfg(test)]
 mod elimination_tests;
 #[cfg(test)]
+mod family_tests;
+#[cfg(test)]
 mod hard_cases;
 #[cfg(test)]
 mod multilevel_tests;

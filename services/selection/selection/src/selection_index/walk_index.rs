@@ -9,7 +9,7 @@ use sg_clusters::geometry::Geometry;
 use sg_clusters::neighbours::{Edge, Graph};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
-use sg_walk::elimination::Elimination;
+use sg_walk::elimination::{Elimination, EliminationFamily};
 use sg_walk::multilevel::{Boundary, Multilevel, Quality};
 use sg_walk::ordering::minimum_degree;
 use sg_walk::sprs::PermOwnedI;
@@ -18,6 +18,7 @@ use sg_walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver,
 
 use super::farthest::FarthestRule;
 use super::walk_options::{Background, WalkOptions};
+use crate::answers::{Answer, Answers, Shown, leaks};
 
 /// Largest number of unknowns of a walk on Gaussians that is eliminated. Larger walks are iterated.
 const MAX_ELIMINATED: usize = 2000;
@@ -69,6 +70,10 @@ pub(super) struct WalkIndex {
     /// Number of base units.
     units: usize,
     pub(super) network: Arc<Network>,
+    /// Every edge with its weight, for conductances. Empty if nodes are Gaussians.
+    weights: Vec<(u32, u32, f64)>,
+    /// The initial elimination of walks at every scale.
+    family: Option<EliminationFamily>,
     /// Number of Gaussians of each cluster. Empty if nodes are Gaussians.
     mass: Vec<f64>,
     /// The central Gaussian of each cluster and its normalized position. Empty if nodes are Gaussians.
@@ -93,9 +98,11 @@ impl WalkIndex {
         labels: Arc<[Option<u32>]>,
         options: WalkOptions,
     ) -> Self {
-        let network = graph.network(options.sigma_s, options.sigma_f);
+        let network = graph.network(options.sigma_s, options.sigma_f, options.crease);
         let solver = options.solver.with(options.precision);
         let order = solver.eliminates(network.len()).then(|| minimum_degree(network.adjacency()));
+        let elimination = (options.solver == Solver::Gth && options.precision == Precision::F64)
+            .then(|| Elimination::new(&network, order.as_ref()));
         let farthest = (options.background == Background::Farthest).then(|| {
             let component = graph.component.iter().map(|&c| (c != u32::MAX).then_some(c)).collect();
             FarthestRule { graph: graph.lengths(), component }
@@ -110,8 +117,9 @@ impl WalkIndex {
                 .iter()
                 .map(|c| scene.position(c.centre as usize).map(|p| (c.centre, scene.bounds.normalize(p).to_array())))
                 .collect(),
-            elimination: (options.solver == Solver::Gth && options.precision == Precision::F64)
-                .then(|| Elimination::new(&network, order.as_ref())),
+            family: elimination.as_ref().and_then(|e| family(e, &options)),
+            elimination,
+            weights: weights(&network),
             network: Arc::new(network),
             order,
             multilevel: None,
@@ -153,6 +161,8 @@ impl WalkIndex {
             mass: Vec::new(),
             centres: Vec::new(),
             elimination: None,
+            family: None,
+            weights: Vec::new(),
             network,
             order: None,
             multilevel,
@@ -181,13 +191,16 @@ impl WalkIndex {
             FarthestRule { graph: Graph::from_edges(self.len(), edges), component: rule.component.clone() }
         });
         let centres = self.centres.iter().map(|c| c.filter(|(g, _)| !deleted.get(*g as usize))).collect();
+        let elimination = self.elimination.as_ref().map(|_| Elimination::new(&network, order.as_ref()));
         Self {
             nodes,
             node_unit: self.node_unit.clone(),
             units: self.units,
             mass: if self.mass.is_empty() { Vec::new() } else { mass },
             centres,
-            elimination: self.elimination.as_ref().map(|_| Elimination::new(&network, order.as_ref())),
+            family: elimination.as_ref().and_then(|e| family(e, &self.options)),
+            elimination,
+            weights: if self.weights.is_empty() { Vec::new() } else { weights(&network) },
             multilevel: self.multilevel.as_ref().map(|_| Multilevel::new(Arc::clone(&network), Precision::F32)),
             network,
             order,
@@ -211,6 +224,10 @@ impl WalkIndex {
 
     pub(super) fn elimination(&self) -> Option<&Elimination> {
         self.elimination.as_ref()
+    }
+
+    pub(super) fn family(&self) -> Option<&EliminationFamily> {
+        self.family.as_ref()
     }
 
     pub(super) fn options(&self) -> &WalkOptions {
@@ -250,13 +267,7 @@ impl WalkIndex {
                 leak = 0.0;
                 summary.auto_background = rule.seed(&active, &mut seeds);
             }
-            None if leak > 0.0 => {
-                let leaks = |(node, s): (usize, &Seed)| {
-                    *s == Seed::None && active[node] && !self.network.neighbours(node as u32).is_empty()
-                };
-                summary.auto_background = seeds.iter().enumerate().filter(|&x| leaks(x)).count();
-            }
-            None => {}
+            None => self.count_leaking(leak, &seeds, &active, &mut summary),
         }
         let problem = Problem { network: &self.network, seeds: &seeds, leak, leaking: Some(&active) };
         let mut quality = None;
@@ -284,6 +295,66 @@ impl WalkIndex {
         };
         summary.unreached = (0..n).filter(|&node| active[node] && !solution.reached[node]).count();
         Ok(Walk { solution, seeds, units, summary, quality })
+    }
+
+    /// The walks of a family: the answers, and the walk of the first one.
+    pub(super) fn walk_at_every_scale(
+        &self,
+        family: &mut EliminationFamily,
+        threshold: f64,
+        foreground: impl Iterator<Item = u32>,
+        background: impl Iterator<Item = u32>,
+    ) -> Result<Option<(Walk, Answers)>, WalkError> {
+        let (seeds, units, mut summary) = self.seeds(foreground, background);
+        let active = self.active(&units);
+        let mut solutions = family.solve(&seeds, Some(&active))?;
+        let shown = Shown {
+            hit: self.mass_of(|node| seeds[node] == Seed::Foreground) as usize,
+            all: self.mass_of(|node| active[node]) as usize,
+        };
+        let answer = |(leak, solution): (&f64, &Solution)| {
+            let selected: Vec<bool> = (0..self.len()).map(|n| active[n] && solution.leads(n, threshold)).collect();
+            Answer {
+                leak: *leak,
+                gaussians: self.mass_of(|node| selected[node]) as usize,
+                conductance: self.conductance(&selected, &active),
+            }
+        };
+        let answers = family.leaks().iter().zip(&solutions).map(answer).collect();
+        let Some(answers) = Answers::new(answers, shown) else { return Ok(None) };
+        let solution = solutions.swap_remove(answers.steps[answers.first]);
+        self.count_leaking(answers.first().leak, &seeds, &active, &mut summary);
+        summary.unreached = (0..self.len()).filter(|&node| active[node] && !solution.reached[node]).count();
+        Ok(Some((Walk { solution, seeds, units, summary, quality: None }, answers)))
+    }
+
+    /// Number of Gaussians of some nodes.
+    fn mass_of(&self, of: impl Fn(usize) -> bool) -> f64 {
+        self.mass.iter().enumerate().filter(|(node, _)| of(*node)).map(|(_, mass)| mass).sum()
+    }
+
+    /// Weight across the boundary of the selected nodes over the lesser of the weights inside and outside.
+    fn conductance(&self, selected: &[bool], active: &[bool]) -> f64 {
+        let (mut across, mut inside, mut outside) = (0.0, 0.0, 0.0);
+        for &(u, v, w) in self.weights.iter().filter(|(u, v, _)| active[*u as usize] && active[*v as usize]) {
+            let ends = [u, v].map(|end| selected[end as usize]);
+            across += if ends[0] == ends[1] { 0.0 } else { w };
+            for end in ends {
+                *(if end { &mut inside } else { &mut outside }) += w;
+            }
+        }
+        let least = f64::min(inside, outside);
+        if least > 0.0 { across / least } else { 0.0 }
+    }
+
+    /// Counts the nodes with automatic background of a leak.
+    fn count_leaking(&self, leak: f64, seeds: &[Seed], active: &[bool], summary: &mut WalkSummary) {
+        let leaks = |(node, s): (usize, &Seed)| {
+            *s == Seed::None && active[node] && !self.network.neighbours(node as u32).is_empty()
+        };
+        if leak > 0.0 {
+            summary.auto_background = seeds.iter().enumerate().filter(|&x| leaks(x)).count();
+        }
     }
 
     /// Seeds the nodes by the majority of their hit Gaussians. Returns seeds, hit base units and counts.
@@ -318,4 +389,17 @@ impl WalkIndex {
         summary.seeds_background = seeds.iter().filter(|s| **s == Seed::Background).count();
         (seeds, units, summary)
     }
+}
+
+/// The family of walks at every scale, if the options have one.
+fn family(elimination: &Elimination, options: &WalkOptions) -> Option<EliminationFamily> {
+    let wanted = options.every_scale && options.background == Background::Leak;
+    elimination.family(&leaks()).ok().filter(|_| wanted)
+}
+
+/// Every edge with its weight. The largest weight is about 1; those far below it count as 0.
+fn weights(network: &Network) -> Vec<(u32, u32, f64)> {
+    let links = || (0..network.len() as u32).flat_map(|u| network.links(u).map(move |(v, w)| (u, v, w)));
+    let unit = links().filter(|l| !l.2.is_zero()).map(|l| l.2.exponent()).max().unwrap_or(0);
+    links().filter(|(u, v, _)| u < v).map(|(u, v, w)| (u, v, w.scaled(unit))).collect()
 }

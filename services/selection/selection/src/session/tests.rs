@@ -12,7 +12,7 @@ use sg_clusters::progress::Silent;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::{normalized, point_scene, random_points, random_unit, vessel_and_sac};
 
-fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionIndex>, Clustering) {
+pub(super) fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionIndex>, Clustering) {
     let geometry = Geometry::of_scene(scene, GeometryOptions::default(), &Silent).unwrap();
     let clustering_options = ClusteringOptions { max_clusters: most, ..ClusteringOptions::default() };
     let (clustering, _) = cluster(&geometry, &clustering_options, &Silent).unwrap();
@@ -22,7 +22,7 @@ fn made(scene: &Scene, most: usize, options: WalkOptions) -> (Arc<SelectionIndex
     (Arc::new(space.with_operation_context(operation_context)), clustering)
 }
 
-fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
+pub(super) fn stroke(mode: Mode, kind: Kind, radius: f64, points: Vec<[f64; 3]>) -> Stroke {
     Stroke { mode, kind, radius, points, pressure: Vec::new(), depth: None }
 }
 

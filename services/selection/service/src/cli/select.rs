@@ -18,6 +18,7 @@ use sg_input::print::status;
 use sg_input::{file, limits};
 use sg_proto::stroke_file::{self, Limits};
 use sg_scene::model::Scene;
+use sg_selection::answers::{Answers, Scale};
 use sg_selection::mask_agreement::Agreement;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::refinement::Refiner;
@@ -25,6 +26,7 @@ use sg_selection::selection_index::{Background, SelectionIndex, TOLERANCE, WalkO
 use sg_selection::session::{Proposal, SelectionError, SelectionSession};
 use sg_selection::steps::Step;
 use sg_selection::strokes::{MAX_POINTS, MAX_STEPS, Mode};
+use sg_selection::tuning::Tuning;
 use sg_walk::WalkError;
 use sg_walk::multilevel::Quality;
 
@@ -81,10 +83,18 @@ pub(crate) struct Arguments {
     /// Factor on σ_f, the median feature distance of the graph's edges.
     #[arg(long, allow_negative_numbers = true, value_name = "Y", default_value_t = 1.0)]
     sigma_f: f64,
-    /// Leak ε of every unseeded cluster to the background, in units of its degree. With --method gaussian it is the leak of
-    /// every Gaussian, unscaled. With --refine it is scaled to the shorter steps between Gaussians.
-    #[arg(long, allow_negative_numbers = true, value_name = "E", default_value_t = 0.03)]
-    leak: f64,
+    /// Leak ε of every unseeded cluster to the background, in units of its degree. Without it the first answer chooses the
+    /// leak. With --method gaussian it is the leak of every Gaussian, unscaled, 0.03 by default. With --refine it is scaled
+    /// to the shorter steps between Gaussians.
+    #[arg(long, allow_negative_numbers = true, value_name = "E")]
+    leak: Option<f64>,
+    /// The answer to take, where no leak is given.
+    #[arg(long, default_value = "default", conflicts_with_all = ["leak"], value_parser = named::<Scale>(&["narrower", "default", "wider"]))]
+    scale: Scale,
+    /// κ of creases: contacts of this concavity are weakened to 1/e. 0 leaves creases out. The default is 0.1, and 0 with
+    /// --leak.
+    #[arg(long, allow_negative_numbers = true, value_name = "K")]
+    crease: Option<f64>,
     /// Source of background without background strokes.
     #[arg(long, default_value = "leak", value_parser = named::<Background>(&["leak", "farthest"]))]
     background: Background,
@@ -110,6 +120,11 @@ struct Report<'a> {
     selected: usize,
     #[serde(flatten)]
     walk: WalkSummary,
+    /// ε of the walk.
+    leak: f64,
+    /// The answers at every scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    answers: Option<Listed<'a>>,
     /// Quality of a walk on single Gaussians.
     #[serde(skip_serializing_if = "Option::is_none")]
     iterated: Option<Quality>,
@@ -122,6 +137,15 @@ struct Report<'a> {
     stage_seconds: BTreeMap<&'static str, f64>,
     #[serde(flatten)]
     agreement: Option<Agreement>,
+}
+
+/// The answers, and the one whose mask is written.
+#[derive(Serialize)]
+struct Listed<'a> {
+    #[serde(flatten)]
+    scale: &'a Answers,
+    /// Position in the steps. With a leak of one's own it is the nearest step.
+    taken: usize,
 }
 
 /// The band of the refinement.
@@ -162,14 +186,7 @@ impl From<SelectionError> for Failure {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let options = WalkOptions {
-        form: arguments.graph,
-        sigma_s: arguments.sigma_s,
-        sigma_f: arguments.sigma_f,
-        leak: arguments.leak,
-        background: arguments.background,
-        ..WalkOptions::default()
-    };
+    let options = walk_options(arguments);
     options.check().map_err(|reason| Failure::input(format!("--{reason}")))?;
     if arguments.method == Method::Gaussian && arguments.proposals.is_some() {
         return Err(Failure::input("--proposals names clusters; use it with --method cluster"));
@@ -203,7 +220,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Failure { message, ..failure }
         })?;
     }
+    let answers = session.answers()?.cloned();
+    let missing = answers.as_ref().filter(|a| a.at(arguments.scale).is_none());
+    if let Some(answer) = answers.as_ref().and_then(|a| a.at(arguments.scale)).filter(|_| arguments.scale != Scale::Default) {
+        session.tune(Tuning { leak: answer.leak, ..session.tuning() })?;
+    }
     let seconds = start.elapsed().as_secs_f64();
+    if missing.is_some() {
+        status("no clear step lies on that side; the first answer is kept");
+    }
     let refined = match (&refiner, arguments.refine) {
         (Some(refiner), Some(hops)) => clock.time("refine", || refiner.refine(&session, hops, TOLERANCE))?,
         _ => None,
@@ -234,6 +259,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         clusters: index.clusters(),
         selected,
         walk: session.walk().map(|w| w.summary).unwrap_or_default(),
+        leak: session.tuning().leak,
+        answers: answers.as_ref().map(|a| Listed { scale: a, taken: a.step_at(session.tuning().leak) }),
         iterated: session.walk().and_then(|w| w.quality),
         refined: refined.as_ref().map(|r| Band { band: r.band.iter().filter(|b| **b).count(), quality: r.quality }),
         seconds,
@@ -241,6 +268,23 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         agreement: truth.map(|t| Agreement::of((0..scene.len()).map(|g| (mask.get(g), t.get(g))))),
     };
     write_report(&report, arguments.report.as_ref(), arguments.json)
+}
+
+/// A leak of one's own means the published walk, and otherwise the first answer decides.
+fn walk_options(arguments: &Arguments) -> WalkOptions {
+    let every_scale = arguments.leak.is_none()
+        && arguments.method == Method::Cluster
+        && arguments.background == Background::Leak;
+    let base = if every_scale { WalkOptions::every_scale() } else { WalkOptions::default() };
+    WalkOptions {
+        form: arguments.graph,
+        sigma_s: arguments.sigma_s,
+        sigma_f: arguments.sigma_f,
+        crease: arguments.crease.map_or(base.crease, |kappa| (kappa != 0.0).then_some(kappa)),
+        leak: arguments.leak.unwrap_or(base.leak),
+        background: arguments.background,
+        ..base
+    }
 }
 
 /// Reads the steps of a stroke file.
