@@ -163,6 +163,11 @@ impl SceneView {
         self.adaptive_quality.late()
     }
 
+    /// Whether the shown picture is the best one of the last request.
+    pub(super) fn is_current(&self) -> bool {
+        self.settled && self.picture_worker.is_idle()
+    }
+
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
         self.settled

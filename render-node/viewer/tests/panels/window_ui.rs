@@ -369,7 +369,7 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
 fn the_status_line_tells_of_the_picture_that_stays() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, woken) = (scene(), Arc::new(AtomicBool::new(true)));
-    let (view_port, _service) = ViewPort::new(ViewState::of(after(&scene, [])));
+    let (view_port, service) = ViewPort::new(ViewState::of(after(&scene, [])));
     let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
     let (settings, wakes) = (Settings::default(), Arc::clone(&woken));
     let wake = move || wakes.store(true, Ordering::Release);
@@ -379,17 +379,31 @@ fn the_status_line_tells_of_the_picture_that_stays() {
         .with_size(Vec2::new(800.0, 600.0))
         .build_ui_state(|ui, window_ui: &mut WindowUi| window_ui.show(ui), window_ui);
     // Frames as the loop of a window draws them: where one is asked for, or something is finished.
-    let (mut due, mut last) = (Some(Instant::now()), Instant::now());
-    while last.elapsed() < Duration::from_secs(3) {
-        if woken.swap(false, Ordering::AcqRel) || due.is_some_and(|due| due <= Instant::now()) {
-            harness.step();
-            let delay = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
-            (due, last) = (Instant::now().checked_add(delay), Instant::now());
+    let rest = |harness: &mut Harness<'_, WindowUi>| {
+        let (mut due, mut last) = (Some(Instant::now()), Instant::now());
+        while last.elapsed() < Duration::from_secs(3) {
+            if woken.swap(false, Ordering::AcqRel) || due.is_some_and(|due| due <= Instant::now()) {
+                harness.step();
+                let delay = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
+                (due, last) = (Instant::now().checked_add(delay), Instant::now());
+            }
+            std::thread::sleep(Duration::from_millis(5));
         }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(harness.state().is_settled());
+        assert!(harness.state().is_settled());
+    };
+    rest(&mut harness);
     assert!(harness.query_by_label("Full quality").is_some(), "the picture at rest is called a preview");
+    // A change is not shown yet: the picture of before it has full quality no more.
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| {
+        state.selected = Arc::clone(chosen.selection().mask());
+        state.scene = Arc::clone(&chosen);
+    });
+    harness.step();
+    harness.step();
+    assert!(harness.query_by_label("Full quality").is_none(), "a picture of before the change is called full quality");
+    rest(&mut harness);
+    assert!(harness.query_by_label("Full quality").is_some());
 }
 
 /// The events of keys that a fast hand, or a slow machine, brings in one frame: Enter as `\n`, letters with their text.
