@@ -218,6 +218,7 @@ impl WindowUi {
 
     /// Shows a frame and handles its input.
     pub fn show(&mut self, ui: &mut Ui) {
+        self.scene_view.take_in(ui);
         let newest = self.view_port.newest();
         if newest.scene.view() != self.shared {
             self.shared = newest.scene.view();
