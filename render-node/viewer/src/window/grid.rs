@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Rect, Shape, Ui, Vec2};
+use egui::{Color32, Rect, Shape, Vec2};
 use glam::DVec3;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -11,9 +11,9 @@ use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::subject::Subject;
 
 use super::occlusion::{is_requested, visible_parts};
-use super::scale_bar::{LABELS, outlined_text, round_length};
+use super::scale_bar::{LABELS, round_length};
+use crate::display::LatestWorker;
 use crate::display::number_format::number;
-use crate::display::{LatestWorker, Tools, ViewState};
 
 /// Least number of cells along the box's longer side on the ground.
 const CELLS: f64 = 5.0;

@@ -2,22 +2,16 @@
 
 use std::sync::Arc;
 
-use egui::{DragValue, Grid, Rect, Response, Ui};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use sg_edit::{EditState, middle};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Target, TransformGaussians};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
-use sg_scene::orientation::LengthUnit;
 
-use super::gizmo::{AXES, Change, Drag, Gizmo, Handle};
-use super::mouse_tool::MouseTool;
-use super::scene_view::SceneView;
-use super::tool_card;
-use super::window_ui::WindowUi;
-use crate::display::{LatestWorker, Request, Tools, ViewState};
-use crate::panels::{Draft, Output};
+use super::gizmo::{AXES, Change, Drag, Handle};
+use crate::display::{LatestWorker, Request};
+use crate::panels::Draft;
 
 /// What a middle is of.
 type Middle = (Arc<Scene>, Arc<Mask>);
@@ -88,7 +82,7 @@ impl MoveTool {
     }
 
     /// The middle of the selection, as far as it is known. A change under way keeps the one that it is about.
-    fn middle(&mut self, scene: &Arc<Scene>, selected: &Arc<Mask>) -> Option<DVec3> {
+    pub(super) fn middle(&mut self, scene: &Arc<Scene>, selected: &Arc<Mask>) -> Option<DVec3> {
         if let Some(found) = self.worker.take() {
             self.found = Some(found);
         }
@@ -125,7 +119,7 @@ impl MoveTool {
     }
 
     /// Shows the change.
-    fn hold(&mut self, change: Change) {
+    pub(super) fn hold(&mut self, change: Change) {
         if change == self.change && self.is_pending {
             return;
         }
@@ -137,7 +131,7 @@ impl MoveTool {
     }
 
     /// Asks for the change, which is shown until the scene has it.
-    fn apply(&mut self, requests: &mut Vec<Request>) {
+    pub(super) fn apply(&mut self, requests: &mut Vec<Request>) {
         if let Some(action) = self.action() {
             requests.push(Request::Change(Box::new(action.clone())));
             self.draft = Some(Draft::Release(action));

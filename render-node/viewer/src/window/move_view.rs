@@ -1,22 +1,18 @@
 //! The gizmo on the window's picture: held by the mouse, with its numbers beside it.
 
-use super::gizmo::{AXES, Change, Drag, Gizmo, Handle};
+use super::gizmo::{AXES, Change, Gizmo};
 use super::mouse_tool::MouseTool;
-use super::move_tool::{MoveTool, is_moved};
+use super::move_tool::is_moved;
 use super::scene_view::SceneView;
 use super::tool_card;
 use super::window_ui::WindowUi;
-use crate::display::{LatestWorker, Request, Tools, ViewState};
-use crate::panels::{Draft, Output};
+use crate::display::{Request, Tools, ViewState};
+use crate::panels::Output;
 use egui::{DragValue, Grid, Rect, Response, Ui};
 use glam::{DVec2, DVec3};
-use sg_edit::{EditState, middle};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Target, TransformGaussians};
-use sg_scene::mask::Mask;
-use sg_scene::model::Scene;
 use sg_scene::orientation::LengthUnit;
-use std::sync::Arc;
 
 /// A drag over one point changes a shift by this share of the scene's longest edge, an angle by so many degrees, a factor by so much.
 const SPEEDS: (f64, f64, f64) = (1e-3, 1.0, 0.01);

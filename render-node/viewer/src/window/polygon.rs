@@ -1,11 +1,6 @@
 //! Polygons: the mouse sets one corner after another, and the closed polygon selects as a lasso does.
 
-use egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Response, Stroke, Ui};
-
-use super::mouse_tool::MouseTool;
-use super::scene_view::SceneView;
-use crate::display::{BrushSign, Request, Tools, ViewState};
-use crate::panels::theme::color_of;
+use egui::Pos2;
 
 /// Points within which a press on the first or the last corner closes the polygon.
 pub(super) const CLOSE: f32 = 9.0;

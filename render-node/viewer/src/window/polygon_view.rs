@@ -3,7 +3,7 @@
 use egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Response, Stroke, Ui};
 
 use super::mouse_tool::MouseTool;
-use super::polygon::{CLOSE, HINT, Polygon};
+use super::polygon::{CLOSE, HINT};
 use super::scene_view::SceneView;
 use crate::display::{BrushSign, Request, Tools, ViewState};
 use crate::panels::theme::color_of;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, DragValue, Grid, Pos2, Rect, Response, Shape as Drawn, Ui};
+use egui::{DragValue, Grid, Pos2, Ui};
 use glam::{DVec2, DVec3};
 use sg_clusters::geometry::GeometryOptions;
 use sg_proto::scene::{
@@ -16,11 +16,8 @@ use sg_scene::orientation::LengthUnit;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::operations::{self, Operation};
 
-use super::mouse_tool::MouseTool;
 use super::tool_card;
-use crate::display::number_format::count;
-use crate::display::{BrushSign, LatestWorker, Request, Tools, ViewState};
-use crate::panels::theme::color_of;
+use crate::display::{BrushSign, LatestWorker, Request, ViewState};
 
 /// Points of a drag from which on it makes a shape; a shorter one is a click.
 pub(super) const LEAST_DRAG: f32 = 4.0;
