@@ -132,8 +132,7 @@ fn every_shape_has_its_target_and_other_parts() {
 
 #[test]
 fn one_stroke_repeats_for_a_seed_and_no_answer_beats_the_best_union_of_clusters() {
-    let options =
-        one_stroke::Options { tuning: false, gaussians: 2500, strokes: 1, clicks: true, seed: 3, data: None };
+    let options = one_stroke::Options { tuning: false, gaussians: 2500, strokes: 1, clicks: true, seed: 3, data: None };
     let first = one_stroke::run(&options, &|_| ()).unwrap();
     assert!(first.len() > 60 && first.iter().any(|p| p.length == "short"));
     for p in &first {

@@ -1,9 +1,9 @@
 //! `supergaussian eval one-stroke`: what one green stroke means, over every part of many scenes.
 
-mod curve;
-mod robot;
-mod strokes;
-mod table;
+pub mod curve;
+pub mod robot;
+pub mod strokes;
+pub mod table;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -210,7 +210,7 @@ fn one_stroke_is_answered_at_every_scale() {
                 chosen += 1;
                 assert_eq!(r["selected"], family[step.as_u64().unwrap() as usize]["gaussians"], "{scale}");
                 assert!(if scale == "wider" { mask.is_subset_of(&other) } else { other.is_subset_of(&mask) });
-                strokes(at, "tuned.json", &json!([green, {"leak": r["leak"]}]));
+                strokes(at, "tuned.json", &json!([green, {"leak": r["leak"], "threshold": 0}]));
                 let tuned = ["select", "balls.ply", "--strokes", "tuned.json", "--out", "m.npy"];
                 succeed(at, &tuned);
                 assert_eq!(read_mask(&at.join("m.npy"), n).unwrap(), other, "{scale}");
