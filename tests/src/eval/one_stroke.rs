@@ -1,9 +1,9 @@
 //! `supergaussian eval one-stroke`: what one green stroke means, over every part of many scenes.
 
-mod curve;
-mod robot;
-mod strokes;
-mod table;
+pub mod curve;
+pub mod robot;
+pub mod strokes;
+pub mod table;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use super::hand::scene_graph;
 use super::subject::Subject;
 use super::{EvalError, measured, phantoms, shapes};
 use curve::Walker;
-pub use curve::{Curve, leak};
+pub use curve::{Curve, LEAKS, leak};
 use strokes::Target;
 pub use table::{Tables, markdown, tables};
 
