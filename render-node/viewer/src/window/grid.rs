@@ -11,7 +11,7 @@ use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::subject::Subject;
 
 use super::occlusion::{is_requested, visible_parts};
-use super::scale_bar::{LABELS, round_length};
+use super::round_length::{LABELS, round_length};
 use crate::display::LatestWorker;
 use crate::display::number_format::number;
 

@@ -33,6 +33,7 @@ mod polygon;
 mod polygon_view;
 mod progress_window;
 mod recent_files;
+mod round_length;
 mod scale_bar;
 mod scene_lines;
 mod scene_mouse;

@@ -48,7 +48,6 @@ mod membership;
 mod names;
 mod placed_scene;
 mod placement;
-mod placement_message;
 mod reach;
 mod replica;
 mod state;
