@@ -12,16 +12,13 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_stack::spawn::tied_to_parent;
 
-use crate::subcommands;
+use crate::subcommands::{self, LOOK};
 
 /// Exit status of the window's process after a person has cancelled.
 const CANCELLED: i32 = 3;
 
 /// Share of the work that is done before the services start.
 pub(crate) const PREPARED: f32 = 0.7;
-
-/// Time between two looks at the window.
-pub(crate) const LOOK: Duration = Duration::from_millis(100);
 
 /// Longest wait for the scene's own window.
 const LONGEST_START: Duration = Duration::from_secs(900);

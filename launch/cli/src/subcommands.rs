@@ -6,14 +6,17 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 use std::sync::{LazyLock, mpsc};
+use std::time::Duration;
 
 use serde_json::Value;
 use sg_stack::file::ExecutableSearch;
 use sg_stack::spawn::tied_to_parent;
 use sg_stack::suggestion::suggestion;
 
-use crate::opening_window::LOOK;
 use crate::terminal::{CommandResult, Failure, print_status};
+
+/// Time between two looks at the window.
+pub(crate) const LOOK: Duration = Duration::from_millis(100);
 
 /// The command table: name, executable, help line. A new command is one row.
 const TABLE: [(&str, &str, &str); 8] = [

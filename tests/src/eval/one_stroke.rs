@@ -1,9 +1,9 @@
 //! `supergaussian eval one-stroke`: what one green stroke means, over every part of many scenes.
 
-mod curve;
-mod robot;
-mod strokes;
-mod table;
+pub mod curve;
+pub mod robot;
+pub mod strokes;
+pub mod table;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use super::hand::scene_graph;
 use super::subject::Subject;
 use super::{EvalError, measured, phantoms, shapes};
 use curve::Walker;
-pub use curve::{Curve, leak};
+pub use curve::{Curve, LEAKS, leak};
 use strokes::Target;
 pub use table::{Tables, markdown, tables};
 
@@ -130,10 +130,8 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
     let points = scene_graph(&geometry);
     let brush = Brush::of_scene(scene);
     let label = |g: usize| usize::try_from(clustering.labels[g]).ok();
-    let members = ClusterMembers::new(
-        clustering.labels.iter().map(|l| u32::try_from(*l).ok()),
-        clustering.clusters.len(),
-    );
+    let members =
+        ClusterMembers::new(clustering.labels.iter().map(|l| u32::try_from(*l).ok()), clustering.clusters.len());
     let index = |options| Arc::new(SelectionIndex::of_clusters(scene, &clustering, &graph, options));
     let mut neighbours = vec![0.0; clustering.clusters.len()];
     graph.links().flat_map(|l| [l.u, l.v]).for_each(|c| neighbours[c as usize] += 1.0);
@@ -162,7 +160,8 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
         let mut own = vec![0_u32; clustering.clusters.len()];
         (0..scene.len()).filter(|g| inside[*g]).filter_map(label).for_each(|c| own[c] += 1);
         let Some(target) = Target::new(scene, &points, inside) else { continue };
-        let trials: Vec<(usize, usize)> = (0..SHARES.len()).flat_map(|l| (0..options.strokes).map(move |k| (l, k))).collect();
+        let trials: Vec<(usize, usize)> =
+            (0..SHARES.len()).flat_map(|l| (0..options.strokes).map(move |k| (l, k))).collect();
         let played: Vec<Option<Played>> = trials
             .into_par_iter()
             .map(|(length, k)| {
@@ -183,10 +182,7 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
                     wanted,
                     all: scene.len(),
                     hit: hit.iter().map(|c| members.get(*c).len()).sum(),
-                    degree: [
-                        mean(&mut hit.iter().map(|c| neighbours[*c])),
-                        mean(&mut neighbours.iter().copied()),
-                    ],
+                    degree: [mean(&mut hit.iter().map(|c| neighbours[*c])), mean(&mut neighbours.iter().copied())],
                     length: SHARES[length].0,
                     union,
                     plain: plain.play(&hit, &members, &own)?,
@@ -194,9 +190,8 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
                     three: robot::three(&every_scale, &stroke, target.inside())?,
                     three_plain: robot::three(&every_scale_plain, &stroke, target.inside())?,
                     clicks: if options.clicks && length == 0 && k == 0 {
-                        let way = |index, choose| {
-                            robot::clicks(index, (scene, &points), &stroke, target.inside(), choose)
-                        };
+                        let way =
+                            |index, choose| robot::clicks(index, (scene, &points), &stroke, target.inside(), choose);
                         Some([way(&fixed, false)?, way(&every_scale, false)?, way(&every_scale, true)?])
                     } else {
                         None

@@ -48,7 +48,7 @@ const ALL: [UserFile; 6] = [
         unit: Some("mm"),
     },
     UserFile { path: "splats/donut_fused.ply", spacing: None, name: "icing", unit: None },
-    UserFile { path: "splats/biker.spz", spacing: None, name: "jacket", unit: None },
+    UserFile { path: "splats/biker.compressed.ply", spacing: None, name: "jacket", unit: None },
 ];
 
 /// One user with a home folder, before one screen.

@@ -39,6 +39,7 @@ mod history;
 mod icon;
 mod keyboard;
 mod language;
+mod last_turn;
 mod legend;
 mod light;
 mod output;

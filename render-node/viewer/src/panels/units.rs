@@ -109,7 +109,8 @@ impl Panels {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
-                color: Some(base.palette),
+                // The palette of a trained scene is black: its Gaussians have colours of their own.
+                color: Some(base.palette).filter(|palette| *palette != Vec3::ZERO),
                 opacity: base.opacity,
                 visible: base.visible,
                 locked: base.locked,
@@ -218,7 +219,7 @@ impl Panels {
                 let (gone, why) = if state.scene.deleted().is_none() {
                     ("empty", "it holds no Gaussian")
                 } else {
-                    ("deleted", "all of its Gaussians are deleted; undo and “restore deleted” bring them back")
+                    ("gone", "all of its Gaussians are deleted; undo and “restore deleted” bring them back")
                 };
                 cell(ui, NUMBER * scale(ui), Align::Max, RichText::new(gone).weak()).on_hover_text(why);
                 return;

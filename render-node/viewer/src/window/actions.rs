@@ -14,15 +14,12 @@ use sg_raster::finish::Finish;
 use super::exporter::ExportJob;
 use super::mouse_tool::MouseTool;
 use super::shortcuts::{Action, Way};
-use super::window_ui::WindowUi;
+use super::window_ui::{PARAMETER_STEPS, WindowUi};
 use crate::display::{BrushMode, DisplayMode, Request, ViewState};
 use crate::panels::{Panel, crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
 
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
-
-/// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
-pub(super) const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
 
 /// The way of one press of an arrow key, in heights of the picture: to turn, and to slide.
 const KEY_TURN: f64 = 1.0 / 24.0;

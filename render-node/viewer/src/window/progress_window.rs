@@ -14,6 +14,7 @@ use super::error::WindowError;
 use super::fresh_input;
 use super::surface::{PresentResult, WindowSurface};
 use crate::display::Tools;
+use crate::display::number_format::percent;
 use crate::panels::theme;
 
 /// Title of the window. The file's name is inside: its own window has it in the title.
@@ -57,7 +58,8 @@ impl ProgressUi {
         CentralPanel::default().show(ui, |ui| {
             ui.add(egui::Label::new(format!("Opening {}", self.name)).truncate());
             ui.add_space(4.0);
-            ui.add(ProgressBar::new(self.share.clamp(0.0, 1.0)).show_percentage());
+            let share = self.share.clamp(0.0, 1.0);
+            ui.add(ProgressBar::new(share).text(percent(share.into())));
             ui.add_space(4.0);
             ui.horizontal(|ui| {
                 if ui.button("Cancel").on_hover_text("stop, and leave nothing behind (Esc)").clicked() {

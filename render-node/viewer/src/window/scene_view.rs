@@ -163,6 +163,11 @@ impl SceneView {
         self.adaptive_quality.late()
     }
 
+    /// Whether the shown picture is the best one of the last request.
+    pub(super) fn is_current(&self) -> bool {
+        self.settled && self.picture_worker.is_idle()
+    }
+
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
         self.settled
@@ -302,7 +307,6 @@ impl SceneView {
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
         let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
-        self.take_in(ui);
         let requested = PictureRequest {
             scene: Arc::clone(&self.scene),
             cameras,
@@ -374,7 +378,9 @@ impl SceneView {
         tools.occlusion.then(|| self.occlusion_worker.factors(&self.scene, appearance)).flatten()
     }
 
-    fn take_in(&mut self, ui: &Ui) {
+    /// Takes what has been drawn and found meanwhile. It comes first in a frame: nothing else may cause another frame, and all of this
+    /// one tells of the newest picture.
+    pub(super) fn take_in(&mut self, ui: &Ui) {
         if let Some(DrawnPicture { picture, size, level, moving, seconds, engine, drawn_by }) =
             self.picture_worker.take()
         {

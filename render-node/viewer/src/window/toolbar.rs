@@ -131,6 +131,8 @@ impl WindowUi {
             let short = match newest.level {
                 None => "Drawing…",
                 Some(level) if level.scale < 1.0 || level.quality == Quality::Fast => "Preview",
+                // The picture of a change is still being drawn.
+                Some(_) if !self.scene_view.is_current() => "Preview",
                 Some(_) => "Full quality",
             };
             ui.label(short).on_hover_text(format!("{}: {level}", newest.engine));

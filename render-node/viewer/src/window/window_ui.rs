@@ -16,7 +16,6 @@ use sg_scene::orientation::Axis;
 use sg_scene::view::View;
 use sg_selection::brush::Brush;
 
-use super::actions::PARAMETER_STEPS;
 use super::bookmarks::Bookmarks;
 use super::drawing;
 use super::error::WindowError;
@@ -32,6 +31,9 @@ use crate::display::{
     ViewState,
 };
 use crate::panels::{Panel, PanelHost, Panels, theme};
+
+/// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
+pub(super) const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
 
 /// Points from the lower edge to the notices.
 const NOTICES: f32 = 48.0;
@@ -216,6 +218,7 @@ impl WindowUi {
 
     /// Shows a frame and handles its input.
     pub fn show(&mut self, ui: &mut Ui) {
+        self.scene_view.take_in(ui);
         let newest = self.view_port.newest();
         if newest.scene.view() != self.shared {
             self.shared = newest.scene.view();

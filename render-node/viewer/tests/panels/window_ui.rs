@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use egui::{Pos2, Role, Vec2};
 use egui_kittest::Harness;
@@ -363,6 +365,47 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
     assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
 }
 
+#[test]
+fn the_status_line_tells_of_the_picture_that_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, woken) = (scene(), Arc::new(AtomicBool::new(true)));
+    let (view_port, service) = ViewPort::new(ViewState::of(after(&scene, [])));
+    let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
+    let (settings, wakes) = (Settings::default(), Arc::clone(&woken));
+    let wake = move || wakes.store(true, Ordering::Release);
+    let ports = (view_port, Tools::default());
+    let window_ui = WindowUi::new(Arc::clone(&scene), engine, ports, folder.path().into(), &settings, wake).unwrap();
+    let mut harness = Harness::builder()
+        .with_size(Vec2::new(800.0, 600.0))
+        .build_ui_state(|ui, window_ui: &mut WindowUi| window_ui.show(ui), window_ui);
+    // Frames as the loop of a window draws them: where one is asked for, or something is finished.
+    let rest = |harness: &mut Harness<'_, WindowUi>| {
+        let (mut due, mut last) = (Some(Instant::now()), Instant::now());
+        while last.elapsed() < Duration::from_secs(3) {
+            if woken.swap(false, Ordering::AcqRel) || due.is_some_and(|due| due <= Instant::now()) {
+                harness.step();
+                let delay = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
+                (due, last) = (Instant::now().checked_add(delay), Instant::now());
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(harness.state().is_settled());
+    };
+    rest(&mut harness);
+    assert!(harness.query_by_label("Full quality").is_some(), "the picture at rest is called a preview");
+    // A change is not shown yet: the picture of before it has full quality no more.
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| {
+        state.selected = Arc::clone(chosen.selection().mask());
+        state.scene = Arc::clone(&chosen);
+    });
+    harness.step();
+    harness.step();
+    assert!(harness.query_by_label("Full quality").is_none(), "a picture of before the change is called full quality");
+    rest(&mut harness);
+    assert!(harness.query_by_label("Full quality").is_some());
+}
+
 /// The events of keys that a fast hand, or a slow machine, brings in one frame: Enter as `\n`, letters with their text.
 fn at_once(harness: &mut Harness<'_, WindowUi>, keys: &str) {
     for c in keys.chars() {
@@ -408,12 +451,12 @@ fn a_turntable_shows_its_progress_at_rest_and_escape_cancels_it() {
     harness.key_press(egui::Key::T);
     harness.run_steps(2);
     let shown = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
-    assert!(shown < std::time::Duration::from_secs(1), "nothing else draws the progress: {shown:?}");
+    assert!(shown < Duration::from_secs(1), "nothing else draws the progress: {shown:?}");
     harness.key_press(egui::Key::Escape);
-    let began = std::time::Instant::now();
+    let began = Instant::now();
     while harness.query_by_label_contains("turntable cancelled").is_none() {
-        assert!(began.elapsed() < std::time::Duration::from_secs(60), "it is not cancelled");
-        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(began.elapsed() < Duration::from_secs(60), "it is not cancelled");
+        std::thread::sleep(Duration::from_millis(20));
         harness.step();
     }
 }

@@ -18,6 +18,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 
+use crate::action_result::{failure, stored_result};
 use crate::file_requests::FileRequests;
 
 /// Length of the request queue.
@@ -358,29 +359,6 @@ impl FunctionAgent {
                 ))
             }
         }
-    }
-}
-
-pub(crate) fn failure(text: String) -> ActionResult {
-    ActionResult { ok: false, text, ..ActionResult::default() }
-}
-
-/// The result of a command that an earlier try of the plan applied.
-fn stored_result(id: &str, event: &Event) -> ActionResult {
-    let result = CommandResult {
-        id: id.to_owned(),
-        revision: event.revision,
-        summary: event.summary.clone(),
-        repeated: true,
-        ..CommandResult::default()
-    };
-    let command = Command { id: id.to_owned(), ..Command::default() };
-    ActionResult {
-        ok: true,
-        text: report::sentence(&event.summary),
-        command: Some(command),
-        result: Some(result),
-        ..ActionResult::default()
     }
 }
 

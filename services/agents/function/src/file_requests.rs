@@ -14,7 +14,7 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
-use crate::actor::failure;
+use crate::action_result::failure;
 
 /// Width and height of a picture where no window shows one, pixels.
 const SIZE: [u32; 2] = [1600, 1200];

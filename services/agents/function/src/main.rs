@@ -1,5 +1,6 @@
 //! `supergaussian-agent-function`: executes plans, clause by clause.
 
+mod action_result;
 mod actor;
 mod file_requests;
 

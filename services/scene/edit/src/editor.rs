@@ -9,7 +9,7 @@ use sg_proto::scene::{Change as ChangeMessage, Command, CommandResult, Event, St
 
 use super::error::EditError;
 use super::history::{Entry, History, HistoryMove};
-use super::placement::PlacedScene;
+use super::placed_scene::PlacedScene;
 use super::replica::ReplicaError;
 use super::state::{Change, EditState};
 use super::transaction::{Transaction, affected_units};

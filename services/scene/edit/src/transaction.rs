@@ -1,7 +1,7 @@
 //! The transaction of one command.
 
 use super::error::EditError;
-use super::placement::PlacedScene;
+use super::placed_scene::PlacedScene;
 use super::state::{Change, EditState, Unit};
 use sg_proto::limits::MAX_UNITS;
 

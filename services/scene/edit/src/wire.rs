@@ -1,12 +1,14 @@
 //! Between the messages of the contract and the types of this library. Pure conversions; ranges are checked by edits.
 
+mod placement_message;
+
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
-use super::placement_message::{decode_placements, encode_placements};
+use self::placement_message::{decode_placements, encode_placements};
 use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};

@@ -140,7 +140,9 @@ fn encode(clustering: &Clustering, graph: &ClusterGraph) -> Vec<u8> {
         number(&mut out, unit.nnz() / 2);
         for Link { u, v, distances } in links(unit) {
             [u, v].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
-            [distances.length, distances.feature, distances.crease].iter().for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
+            [distances.length, distances.feature, distances.crease]
+                .iter()
+                .for_each(|x| out.extend_from_slice(&x.to_le_bytes()));
         }
     }
     let checksum = blake3::hash(&out);

@@ -30,7 +30,8 @@ const OWN: f64 = 0.02;
 #[must_use]
 pub fn oriented(positions: &[[f64; 3]], graph: &Graph, mut normals: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
     let n = normals.len();
-    let mut lengths = graph.lengths().data().iter().copied().step_by(graph.lengths().nnz() / 10_000 + 1).collect::<Vec<_>>();
+    let mut lengths =
+        graph.lengths().data().iter().copied().step_by(graph.lengths().nnz() / 10_000 + 1).collect::<Vec<_>>();
     let Some(grid) = Grid::new(positions, median(&mut lengths).unwrap_or(0.0)) else { return normals };
     let stride = n.div_ceil(MAX_VOTERS).max(1);
     let directions = directions();
@@ -220,7 +221,8 @@ mod tests {
         let graph = neighbour_graph(&vertices, 10).unwrap();
         let normals: Vec<[f32; 3]> = vertices.gaussian.iter().map(|g| points[*g as usize].1).collect();
         let found = oriented(&vertices.position, &graph, normals.clone());
-        let same = |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).all(|(x, y)| x.abs() == y.abs() || x.is_nan() && y.is_nan());
+        let same =
+            |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).all(|(x, y)| x.abs() == y.abs() || x.is_nan() && y.is_nan());
         assert!(found.iter().zip(&normals).all(|(a, b)| same(a, b)));
         let one = Vertices::ordered((0..9).map(|i| (i, [0.5; 3])).collect());
         let graph = neighbour_graph(&one, 4).unwrap();

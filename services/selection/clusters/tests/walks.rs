@@ -167,6 +167,51 @@ fn costs_of_a_further_stroke() {
     }
 }
 
+/// `cargo test --release --workspace --test walks costs_of_a_family -- --ignored --nocapture`
+#[test]
+#[ignore = "times, for the documents"]
+fn costs_of_a_family() {
+    let leaks: Vec<f64> = (0..12).map(|i| 10.0_f64.powf(-0.4 * f64::from(i))).collect();
+    for (name, g) in [("volume", volume(1000, 5)), ("surface", cloud(1000, true, 1.0, 3).0)] {
+        let seeds = seeded(1000, &[1, 2, 3], &[]);
+        let more = seeded(1000, &[1, 2, 3, 4, 5], &[]);
+        let kept = Elimination::new(&g, None);
+        // The largest error against one walk a leak, from nothing.
+        let solutions = kept.family(&leaks).unwrap().solve(&seeds, None).unwrap();
+        let wanted = leaks.iter().map(|leak| eliminated(&g, &seeds, *leak));
+        let largest = solutions.iter().zip(wanted).map(|(got, want)| error(got, &want)).fold(0.0, f64::max);
+        for threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut family = kept.family(&leaks).unwrap();
+                family.solve(&seeds, None).unwrap();
+                let (mut whole, mut further, mut apart) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+                let mut columns = 0;
+                for _ in 0..40 {
+                    let mut anew = kept.family(&leaks).unwrap();
+                    let start = std::time::Instant::now();
+                    anew.solve(&seeds, None).unwrap();
+                    whole = whole.min(1e3 * start.elapsed().as_secs_f64());
+                    let start = std::time::Instant::now();
+                    family.solve(&more, None).unwrap();
+                    further = further.min(1e3 * start.elapsed().as_secs_f64());
+                    columns = family.eliminated_columns();
+                    family.solve(&seeds, None).unwrap();
+                    let mut one = kept.clone();
+                    let start = std::time::Instant::now();
+                    leaks.iter().for_each(|leak| drop(one.solve(&seeds, *leak, None)));
+                    apart = apart.min(1e3 * start.elapsed().as_secs_f64());
+                }
+                println!(
+                    "{name}, {threads} threads: 12 leaks at once {whole:.2} ms, one after another {apart:.2}, two more seeds {further:.2} ({columns} columns), error {largest:.0e}; load {}",
+                    std::fs::read_to_string("/proc/loadavg").unwrap_or_default().trim(),
+                );
+            });
+        }
+        assert!(largest <= 1e-14, "{largest}");
+    }
+}
+
 /// Points on the surface of a ball or in a cube. Each is joined to its nearest with the weights that walks on Gaussians have.
 fn cloud(n: usize, surface: bool, sharp: f64, seed: u64) -> (Network, Vec<[f64; 3]>) {
     let mut r = generator(seed);

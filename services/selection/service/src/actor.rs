@@ -48,11 +48,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SELECTION)));
     }
     let params: Params = host.params()?;
-    let walk = match params.leak {
-        Some(leak) => WalkOptions { leak, ..WalkOptions::default() },
-        None => WalkOptions::every_scale(),
-    };
-    let walk = WalkOptions { sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..walk };
+    let walk = if params.every_scale { WalkOptions::every_scale() } else { WalkOptions::default() };
+    let walk = WalkOptions { leak: params.leak, sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..walk };
     walk.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
 
     let scene = SceneReplica::<Replica>::follow(host.bus()).await?;

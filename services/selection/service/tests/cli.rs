@@ -178,6 +178,54 @@ fn clusters_are_written_reported_and_used_again() {
 }
 
 #[test]
+fn one_stroke_is_answered_at_every_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let n = two_balls(at, 900).len();
+    let green =
+        json!({"mode": "walk", "kind": "foreground", "radius": 0.06, "points": [[0.1, 0.5, 0.5], [0.4, 0.5, 0.5]]});
+    strokes(at, "s.json", &json!([green]));
+    let base = ["select", "balls.ply", "--strokes", "s.json", "--out", "m.npy", "--json"];
+    let of = |more: &[&str]| {
+        let r = report(&succeed(at, &[&base[..], more].concat()));
+        (r, read_mask(&at.join("m.npy"), n).unwrap())
+    };
+    let (first, mask) = of(&[]);
+    let answers = &first["answers"];
+    let family = answers["family"].as_array().unwrap();
+    let (steps, taken) = (answers["steps"].as_array().unwrap(), answers["taken"].as_u64().unwrap());
+    assert_eq!((family.len(), Some(taken)), (12, answers["first"].as_u64()));
+    let own = &family[steps[taken as usize].as_u64().unwrap() as usize];
+    assert_eq!((&own["gaussians"], &own["leak"]), (&first["selected"], &first["leak"]));
+    let column = |key: &str| family.iter().map(|a| a[key].as_f64().unwrap()).collect::<Vec<f64>>();
+    assert!(column("gaussians").is_sorted() && column("leak").is_sorted_by(|a, b| a > b), "{answers}");
+    assert!(column("conductance").iter().all(|c| (0.0..=1.0).contains(c)), "{answers}");
+    // The neighbours in scale hold the first answer, or are held by it. The same leak as a step selects the same.
+    let mut chosen = 0;
+    for (scale, to) in [("narrower", taken.checked_sub(1)), ("default", Some(taken)), ("wider", Some(taken + 1))] {
+        let (r, other) = of(&["--scale", scale]);
+        match to.and_then(|to| steps.get(to as usize)) {
+            None => assert_eq!(other, mask, "no clear step lies there"),
+            Some(step) => {
+                chosen += 1;
+                assert_eq!(r["selected"], family[step.as_u64().unwrap() as usize]["gaussians"], "{scale}");
+                assert!(if scale == "wider" { mask.is_subset_of(&other) } else { other.is_subset_of(&mask) });
+                strokes(at, "tuned.json", &json!([green, {"leak": r["leak"], "threshold": 0}]));
+                let tuned = ["select", "balls.ply", "--strokes", "tuned.json", "--out", "m.npy"];
+                succeed(at, &tuned);
+                assert_eq!(read_mask(&at.join("m.npy"), n).unwrap(), other, "{scale}");
+            }
+        }
+    }
+    assert!(chosen >= 2, "{answers}");
+    // A leak of one's own is the walk without creases and without a family.
+    let (plain, _) = of(&["--leak", "0.03"]);
+    assert!(plain["answers"].is_null() && plain["leak"] == 0.03);
+    refuse(at, 2, &[&base[..], &["--leak", "0.03", "--scale", "wider"]].concat(), &["--scale"]);
+    refuse(at, 2, &[&base[..], &["--crease", "-1"]].concat(), &["--crease is -1"]);
+}
+
+#[test]
 fn a_cache_is_found_again_and_its_damage_is_repaired() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -35,7 +35,12 @@ fn nested(solutions: &[Solution], leaks: &[f64]) {
         for pair in order.windows(2) {
             let (small, large) = (&solutions[pair[0]], &solutions[pair[1]]);
             for u in (0..small.p.len()).filter(|u| large.leads(*u, threshold + 1e-13)) {
-                assert!(small.leads(u, threshold - 1e-13), "node {u} between {} and {}", leaks[pair[0]], leaks[pair[1]]);
+                assert!(
+                    small.leads(u, threshold - 1e-13),
+                    "node {u} between {} and {}",
+                    leaks[pair[0]],
+                    leaks[pair[1]]
+                );
             }
         }
     }

@@ -47,9 +47,7 @@ impl Walker {
     pub fn new(graph: &ClusterGraph, crease: Option<f64>) -> Result<Self, WalkError> {
         let network = graph.network(1.0, 1.0, crease);
         let plain = graph.network(1.0, 1.0, None);
-        let weight = |n: &Network, u: u32, v: u32| {
-            n.links(u).find(|l| l.0 == v).map_or(0.0, |l| l.1.scaled(0))
-        };
+        let weight = |n: &Network, u: u32, v: u32| n.links(u).find(|l| l.0 == v).map_or(0.0, |l| l.1.scaled(0));
         let edges = graph
             .links()
             .map(|l| {

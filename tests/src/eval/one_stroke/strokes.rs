@@ -32,7 +32,8 @@ impl<'a> Target<'a> {
         let members: Vec<u32> = (0..).zip(&inside).filter(|(_, t)| **t).map(|(g, _)| g).collect();
         let mut extent = DVec3::ZERO;
         for axis in 0..3 {
-            let mut values: Vec<f64> = members.iter().filter_map(|g| scene.position(*g as usize)).map(|p| p[axis]).collect();
+            let mut values: Vec<f64> =
+                members.iter().filter_map(|g| scene.position(*g as usize)).map(|p| p[axis]).collect();
             values.sort_by(f64::total_cmp);
             let cut = values.len() / 100;
             extent[axis] = values.get(values.len().checked_sub(1 + cut)?)? - values.get(cut)?;

@@ -160,16 +160,15 @@ pub fn tables(played: &[Played], seed: u64) -> Tables {
 #[must_use]
 pub fn markdown(tables: &Tables) -> String {
     let mut out = String::new();
-    let groups: Vec<&str> =
-        GROUPS.into_iter().filter(|g| tables.cells.iter().any(|c| c.group == *g)).collect();
+    let groups: Vec<&str> = GROUPS.into_iter().filter(|g| tables.cells.iter().any(|c| c.group == *g)).collect();
     let _ = writeln!(out, "{} strokes. Columns: {}.\n", tables.strokes, groups.join(", "));
     out += "| rule | long strokes | short strokes | less ε = .03, long | less ε = .03, short |\n";
     out += "| --- | --- | --- | --- | --- |\n";
     for (rule, _) in RULES {
         let row = |length: &str, of: &dyn Fn(&Cell) -> String| {
-            let cells = groups.iter().filter_map(|g| {
-                tables.cells.iter().find(|c| c.rule == rule && c.group == *g && c.length == length)
-            });
+            let cells = groups
+                .iter()
+                .filter_map(|g| tables.cells.iter().find(|c| c.rule == rule && c.group == *g && c.length == length));
             cells.map(of).collect::<Vec<_>>().join(" ")
         };
         let iou = |c: &Cell| format!("{:.2}", c.iou);
@@ -189,7 +188,8 @@ pub fn markdown(tables: &Tables) -> String {
         let _ = write!(out, "| {scene} |");
         for rule in [0, 1, 6, 7, 12] {
             let of = |length: &str| {
-                let cell = tables.cells.iter().find(|c| c.rule == RULES[rule].0 && c.group == group && c.length == length);
+                let cell =
+                    tables.cells.iter().find(|c| c.rule == RULES[rule].0 && c.group == group && c.length == length);
                 cell.and_then(|c| c.scenes.get(scene)).copied().unwrap_or(f64::NAN)
             };
             let _ = write!(out, " {:.2} / {:.2} |", of("long"), of("short"));

@@ -308,7 +308,10 @@ impl WalkIndex {
         let (seeds, units, mut summary) = self.seeds(foreground, background);
         let active = self.active(&units);
         let mut solutions = family.solve(&seeds, Some(&active))?;
+        let hit = || (0..self.len()).filter(|node| seeds[*node] == Seed::Foreground);
+        let degrees: usize = hit().map(|node| self.network.neighbours(node as u32).len()).sum();
         let shown = Shown {
+            neighbours: degrees as f64 / hit().count().max(1) as f64,
             hit: self.mass_of(|node| seeds[node] == Seed::Foreground) as usize,
             all: self.mass_of(|node| active[node]) as usize,
         };

@@ -37,7 +37,10 @@ fn the_first_answer_is_one_of_nested_masks_and_equals_the_walk_with_its_leak() {
             assert_eq!(session.answers().unwrap(), Some(&answers), "a tuning leaves the answers as they are");
         }
         session.tune(first.tuning()).unwrap();
-        assert_eq!((session.mask(), &session.walk().unwrap().solution), (first.mask(), &first.walk().unwrap().solution));
+        assert_eq!(
+            (session.mask(), &session.walk().unwrap().solution),
+            (first.mask(), &first.walk().unwrap().solution)
+        );
         // Uncertainty and proposals are those of the walk that is shown.
         assert_eq!(session.uncertainty(), first.uncertainty());
         assert!(!first.proposals(3).is_empty() && session.proposals(3) == first.proposals(3));

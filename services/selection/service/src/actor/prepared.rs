@@ -33,8 +33,11 @@ pub(super) struct Params {
     pub(super) neighbours: usize,
     /// Weight of features against distance.
     pub(super) compactness: f64,
-    /// ε of the leak to the background. Without it the first answer to a stroke chooses the leak.
-    pub(super) leak: Option<f64>,
+    /// ε of the leak to the background.
+    pub(super) leak: f64,
+    /// Whether creases weaken edges, and the first answer to a stroke chooses the leak until a step sets it. Clients that show
+    /// the leak of `State.tuning` then show another one than that of the first answer.
+    pub(super) every_scale: bool,
     /// Factor on σ_s.
     pub(super) sigma_s: f64,
     /// Factor on σ_f.
@@ -51,7 +54,8 @@ impl Default for Params {
             max_clusters: clustering.max_clusters,
             neighbours: geometry.neighbours,
             compactness: clustering.compactness,
-            leak: None,
+            leak: walk.leak,
+            every_scale: walk.every_scale,
             sigma_s: walk.sigma_s,
             sigma_f: walk.sigma_f,
             cache: None,

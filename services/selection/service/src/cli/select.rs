@@ -222,7 +222,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let answers = session.answers()?.cloned();
     let missing = answers.as_ref().filter(|a| a.at(arguments.scale).is_none());
-    if let Some(answer) = answers.as_ref().and_then(|a| a.at(arguments.scale)).filter(|_| arguments.scale != Scale::Default) {
+    if let Some(answer) =
+        answers.as_ref().and_then(|a| a.at(arguments.scale)).filter(|_| arguments.scale != Scale::Default)
+    {
         session.tune(Tuning { leak: answer.leak, ..session.tuning() })?;
     }
     let seconds = start.elapsed().as_secs_f64();
@@ -272,9 +274,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// A leak of one's own means the published walk, and otherwise the first answer decides.
 fn walk_options(arguments: &Arguments) -> WalkOptions {
-    let every_scale = arguments.leak.is_none()
-        && arguments.method == Method::Cluster
-        && arguments.background == Background::Leak;
+    let every_scale =
+        arguments.leak.is_none() && arguments.method == Method::Cluster && arguments.background == Background::Leak;
     let base = if every_scale { WalkOptions::every_scale() } else { WalkOptions::default() };
     WalkOptions {
         form: arguments.graph,

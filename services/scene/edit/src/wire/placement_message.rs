@@ -6,8 +6,8 @@ use glam::DQuat;
 use sg_proto::scene as proto;
 use sg_scene::similarity::Similarity;
 
-use super::placement::Placement;
-use super::wire::{WireError, decode_mask, decode_vector, encode_mask, encode_vector};
+use super::{WireError, decode_mask, decode_vector, encode_mask, encode_vector};
+use crate::placement::Placement;
 
 pub(super) fn encode_placements(parts: &[Placement]) -> proto::Placements {
     let part = |part: &Placement| {
