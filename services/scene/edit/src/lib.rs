@@ -52,13 +52,10 @@ mod reach;
 mod replica;
 mod state;
 mod target;
-mod tests;
 #[cfg(test)]
 mod tests;
 mod transaction;
-mod transaction;
 mod transformation;
-mod visibility;
 mod visibility;
 pub mod wire;
 
