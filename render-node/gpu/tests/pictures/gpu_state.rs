@@ -354,7 +354,8 @@ fn an_engine_follows_moved_gaussians() {
 #[test]
 fn a_recoloured_trained_splat_keeps_its_texture() {
     let mut unit = sg_scene::synthetic::samples::unit("splat", sg_scene::synthetic::samples::harmonic(600, 2, 11));
-    unit.gaussians.log_scale.iter_mut().for_each(|s| *s = Vec3::splat(-2.5));
+    let edge = Scene::compose(vec![unit.clone()], None).bounds.longest_edge() as f32;
+    unit.gaussians.log_scale.iter_mut().for_each(|s| *s = Vec3::splat((0.06 * edge).ln()));
     unit.gaussians.opacity_logit.iter_mut().for_each(|o| *o = 4.0);
     let scene = Scene::compose(vec![unit], None);
     let view = sg_scene::framing::default_camera(&scene, 96, 96);

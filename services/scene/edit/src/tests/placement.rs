@@ -191,7 +191,7 @@ fn deleted_gaussians_of_a_moved_unit_come_back_to_it() {
 
 #[test]
 fn a_selection_keeps_its_gaussians_and_loses_its_strokes() {
-    use sg_proto::scene::{CommitSelection, Stroke, StrokeKind, StrokeMode};
+    use sg_proto::scene::{Stroke, StrokeKind, StrokeMode};
     let mut editor = editor();
     let stroke = Stroke {
         mode: StrokeMode::Point.into(),
@@ -300,7 +300,7 @@ fn the_number_of_parts_has_a_limit() {
     let mut editor = Editor::new(Arc::clone(&scene), EditState::of_scene(&scene, "", ""));
     let step = |k: usize| {
         let mask = Some(encode_mask(&Mask::from_fn(100, |i| i == k)));
-        let chosen = sg_proto::scene::CommitSelection { mask, ..sg_proto::scene::CommitSelection::default() };
+        let chosen = CommitSelection { mask, ..CommitSelection::default() };
         [Action::CommitSelection(chosen), shift(selection(), [k as f64 + 1.0, 0.0, 0.0])]
     };
     for k in 0..64 {
@@ -311,7 +311,7 @@ fn the_number_of_parts_has_a_limit() {
     assert!(matches!(refused(&mut editor, push), EditError::TooMany { limit: 64, .. }));
     // Parts that exist may move on.
     let mask = Some(encode_mask(&Mask::from_fn(100, |i| i < 64)));
-    let all = sg_proto::scene::CommitSelection { mask, ..sg_proto::scene::CommitSelection::default() };
+    let all = CommitSelection { mask, ..CommitSelection::default() };
     run(&mut editor, [Action::CommitSelection(all), shift(selection(), [0.5, 0.0, 0.0])]);
     assert_eq!(editor.state().placements().len(), 64);
 }
