@@ -364,9 +364,9 @@ table! {
     /// Reloads the launch file.
     RELOAD: Request<launch::ReloadRequest, launch::ReloadReply> = (role::SUPERVISOR, "cmd/reload", &[role::CLI]);
     /// Opens a scene or volume in a new window and session.
-    OPEN: Request<launch::OpenRequest, launch::OpenReply> = (role::SUPERVISOR, "cmd/open", &[role::CLI, role::RENDER_VIEW]) only local_only;
-    /// Writes a file under a path that a person has chosen in a window.
-    SAVE: Request<launch::SaveRequest, launch::SaveReply> = (role::SUPERVISOR, "cmd/save", &[role::RENDER_VIEW]) only local_only;
+    OPEN: Request<launch::OpenRequest, launch::OpenReply> = (role::SUPERVISOR, "cmd/open", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) only local_only;
+    /// Writes a file under a path that a person has chosen in a window or in words.
+    SAVE: Request<launch::SaveRequest, launch::SaveReply> = (role::SUPERVISOR, "cmd/save", &[role::RENDER_VIEW, role::AGENT_FUNCTION]) only local_only;
     /// A session that was opened from this one has failed.
     OPEN_FAILED: Stream<launch::OpenFailed> = (role::SUPERVISOR, "event/open-failed");
     /// Stops the session.

@@ -9,6 +9,7 @@ pub mod hosts;
 pub mod made_scene;
 pub mod marched;
 mod minimizing;
+mod placement;
 pub mod plot;
 pub mod proxy;
 pub mod screen;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::{dropping, minimizing};
+use crate::{dropping, minimizing, placement};
 
 /// Width and height of the screen in pixels.
 pub const SIZE: [usize; 2] = [1440, 900];
@@ -175,6 +175,15 @@ impl Screen {
     pub fn drop_file(&self, window: &str, path: &Path, patience: Duration) -> Result<(), String> {
         let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
         dropping::drop_file(&self.display, number, path, patience)
+    }
+
+    /// Left, top, width and height of the content of a window, given by its number, on the screen in pixels.
+    ///
+    /// # Errors
+    /// The display's message.
+    pub fn place(&self, window: &str) -> Result<[i32; 4], String> {
+        let number = window.parse().map_err(|e| format!("window `{window}`: {e}"))?;
+        placement::place(&self.display, number).map_err(|e| format!("the place of {window}: {e}"))
     }
 
     /// Minimises a window, given by its number, as a window manager does it.

@@ -1,5 +1,6 @@
 //! Inputs of the demo: a synthetic volume, a volume file, or a scene.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -8,7 +9,8 @@ use sg_formats::Format;
 use sg_input::{file, unreadable};
 use sg_volume::ENDINGS;
 
-use crate::subcommands::json_of;
+use crate::opening_window::{OpeningWindow, PREPARED};
+use crate::subcommands::{json_of, json_watched};
 use crate::terminal::{self, Failure};
 
 /// Default number of Gaussians for a volume.
@@ -92,30 +94,43 @@ impl Input {
             Self::Synthetic => return make_synthetic(out, function, gaussians, seed),
             Self::Project(path) => return scene_of_project(path),
         };
-        fit(&volume, FitTo::Folder(&out.join("scene")), function, None, gaussians, seed)
+        fit(&volume, FitTo::Folder(&out.join("scene")), function, (gaussians, seed))
     }
 
     /// The scene of a scene file, of a project or of a volume. That of a volume is kept where the user's projects are, so it is made once.
     ///
     /// The Gaussians are the same each time, so that earlier edits fit.
     ///
-    /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them.
-    pub(crate) fn kept_scene(&self, function: Option<&Path>, spacing: Option<&str>) -> Result<Scene, Failure> {
+    /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them. `window` shows the
+    /// progress. `None`: a person has cancelled there.
+    pub(crate) fn kept_scene(
+        &self,
+        function: Option<&Path>,
+        spacing: Option<&str>,
+        window: &mut OpeningWindow,
+    ) -> Result<Option<Scene>, Failure> {
         let volume = match self {
             Self::Scene(path) | Self::Project(path) if spacing.is_some() => {
                 let what = "--spacing is for raw volumes, and this is none; leave it out";
                 return Err(Failure::Input(format!("{}: {what}", path.display())));
             }
-            Self::Scene(path) => return Ok(Scene { path: path.clone(), fit_seconds: None }),
+            Self::Scene(path) => return Ok(Some(Scene { path: path.clone(), fit_seconds: None })),
             Self::Volume(path) => path,
-            Self::Project(path) => return scene_of_project(path),
+            Self::Project(path) => return scene_of_project(path).map(Some),
             Self::Synthetic => return Err(Failure::Input("name a volume or a scene".to_owned())),
         };
         let places = json_of("scene", &["projects".as_ref(), "folders".as_ref()])?;
         let folder = places.get("scenes").and_then(Value::as_str);
         let folder =
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
-        fit(volume, FitTo::Kept(Path::new(folder)), function, spacing, GAUSSIANS, 0)
+        let fit = Fit::of(volume, FitTo::Kept(Path::new(folder)), function, (GAUSSIANS, 0));
+        let watch = |news: Option<&str>| {
+            if let Some((share, step)) = news.and_then(step) {
+                window.tell(PREPARED * share, step);
+            }
+            !window.is_cancelled()
+        };
+        fit.watched(spacing, watch)
     }
 }
 
@@ -168,57 +183,99 @@ fn make_synthetic(out: &Path, function: Option<&Path>, gaussians: u32, seed: u64
     };
     let own = file("transfer_function")?;
     let to = out.join("scene");
-    fit(&file("volume")?, FitTo::Folder(&to), Some(function.unwrap_or(&own)), None, gaussians, seed)
+    fit(&file("volume")?, FitTo::Folder(&to), Some(function.unwrap_or(&own)), (gaussians, seed))
 }
 
-fn fit(
-    volume: &Path,
-    to: FitTo<'_>,
-    function: Option<&Path>,
-    spacing: Option<&str>,
-    gaussians: u32,
-    seed: u64,
-) -> Result<Scene, Failure> {
-    let (option, folder) = match to {
-        FitTo::Folder(folder) => ("--out", folder),
-        FitTo::Kept(folder) => ("--keep-in", folder),
-    };
-    let began = Instant::now();
-    let (gaussians, seed) = (gaussians.to_string(), seed.to_string());
-    let mut arguments = vec![
-        volume.as_os_str(),
-        "--initial-only".as_ref(),
-        option.as_ref(),
-        folder.as_os_str(),
-        "--gaussians".as_ref(),
-        gaussians.as_ref(),
-        "--seed".as_ref(),
-        seed.as_ref(),
-        "--json".as_ref(),
-    ];
-    if let Some(function) = function {
-        arguments.extend(["--transfer-function".as_ref(), function.as_os_str()]);
+/// Runs `supergaussian fit` to its end.
+fn fit(volume: &Path, to: FitTo<'_>, function: Option<&Path>, amount: (u32, u64)) -> Result<Scene, Failure> {
+    let fit = Fit::of(volume, to, function, amount);
+    fit.announced();
+    fit.scene(&fit_command(&fit.arguments())?)
+}
+
+/// A call of `supergaussian fit`.
+struct Fit<'a> {
+    volume: &'a Path,
+    to: FitTo<'a>,
+    function: Option<&'a Path>,
+    gaussians: String,
+    seed: String,
+    began: Instant,
+}
+
+impl<'a> Fit<'a> {
+    fn of(volume: &'a Path, to: FitTo<'a>, function: Option<&'a Path>, (gaussians, seed): (u32, u64)) -> Self {
+        let (gaussians, seed) = (gaussians.to_string(), seed.to_string());
+        Self { volume, to, function, gaussians, seed, began: Instant::now() }
     }
-    if let Some(spacing) = spacing {
-        arguments.extend::<[&std::ffi::OsStr; 2]>(["--spacing".as_ref(), spacing.as_ref()]);
+
+    fn announced(&self) {
+        terminal::print_status(&format!("placing Gaussians in {}", self.volume.display()));
     }
-    terminal::print_status(&format!("placing Gaussians in {}", volume.display()));
-    let report = fit_command(&arguments)?;
-    let fit_seconds = began.elapsed().as_secs_f64();
-    let placed = report.get("gaussians").and_then(Value::as_u64).unwrap_or(0);
-    let placed = terminal::format_count(placed);
-    if report.get("kept") == Some(&Value::Bool(true)) {
-        terminal::print_status(&format!("{placed} Gaussians, kept from an earlier time"));
-    } else {
-        terminal::print_status(&format!("{placed} Gaussians after {fit_seconds:.1} s"));
+
+    fn arguments(&self) -> Vec<&OsStr> {
+        let (option, folder) = match self.to {
+            FitTo::Folder(folder) => ("--out", folder),
+            FitTo::Kept(folder) => ("--keep-in", folder),
+        };
+        let mut arguments = vec![
+            self.volume.as_os_str(),
+            "--initial-only".as_ref(),
+            option.as_ref(),
+            folder.as_os_str(),
+            "--gaussians".as_ref(),
+            self.gaussians.as_ref(),
+            "--seed".as_ref(),
+            self.seed.as_ref(),
+            "--json".as_ref(),
+        ];
+        if let Some(function) = self.function {
+            arguments.extend(["--transfer-function".as_ref(), function.as_os_str()]);
+        }
+        arguments
     }
-    let path = report.get("scene").and_then(Value::as_str).map(PathBuf::from);
-    let path = path.ok_or_else(|| Failure::Work("`supergaussian fit` names no scene".to_owned()))?;
-    Ok(Scene { path, fit_seconds: Some(fit_seconds) })
+
+    /// Runs it with `watch` at each of its steps. `None`: `watch` has returned `false`.
+    fn watched(
+        &self,
+        spacing: Option<&str>,
+        watch: impl FnMut(Option<&str>) -> bool,
+    ) -> Result<Option<Scene>, Failure> {
+        let mut arguments = self.arguments();
+        arguments.push("--progress-lines".as_ref());
+        if let Some(spacing) = spacing {
+            arguments.extend::<[&OsStr; 2]>(["--spacing".as_ref(), spacing.as_ref()]);
+        }
+        self.announced();
+        json_watched("fit", &arguments, watch)?.map(|report| self.scene(&report)).transpose()
+    }
+
+    /// The scene of its report.
+    fn scene(&self, report: &Value) -> Result<Scene, Failure> {
+        let fit_seconds = self.began.elapsed().as_secs_f64();
+        let placed = report.get("gaussians").and_then(Value::as_u64).unwrap_or(0);
+        let placed = terminal::format_count(placed);
+        if report.get("kept") == Some(&Value::Bool(true)) {
+            terminal::print_status(&format!("{placed} Gaussians, kept from an earlier time"));
+        } else {
+            terminal::print_status(&format!("{placed} Gaussians after {fit_seconds:.1} s"));
+        }
+        let path = report.get("scene").and_then(Value::as_str).map(PathBuf::from);
+        let path = path.ok_or_else(|| Failure::Work("`supergaussian fit` names no scene".to_owned()))?;
+        Ok(Scene { path, fit_seconds: Some(fit_seconds) })
+    }
+}
+
+/// The share and the step of a line `DONE OF STEP`.
+fn step(news: &str) -> Option<(f32, &str)> {
+    let mut parts = news.splitn(3, ' ');
+    let mut number = || parts.next()?.parse::<f32>().ok();
+    let (done, of) = (number()?, number()?);
+    Some((done / of.max(1.0), parts.next()?))
 }
 
 /// Runs `supergaussian fit` and returns its report.
-fn fit_command(arguments: &[&std::ffi::OsStr]) -> Result<Value, Failure> {
+fn fit_command(arguments: &[&OsStr]) -> Result<Value, Failure> {
     json_of("fit", arguments)
 }
 
@@ -243,6 +300,12 @@ mod tests {
         assert_eq!(Input::of(None).unwrap().shipped_name(), Some("vessel"));
         let absent = Input::of(Some(&folder.path().join("none.raw"))).unwrap_err();
         assert!(matches!(absent, Failure::Input(_)));
+    }
+
+    #[test]
+    fn steps_of_a_fit_have_a_share() {
+        assert_eq!(step("1 4 classifying voxels"), Some((0.25, "classifying voxels")));
+        assert_eq!((step("soon"), step("1 4")), (None, None));
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod join;
 mod metrics;
 mod open;
 mod opener;
+mod opening_window;
 mod playback;
 mod projects;
 mod reload;

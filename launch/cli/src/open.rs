@@ -3,6 +3,8 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
+use sg_proto::keys::role;
+use sg_runtime::bus::Bus;
 use sg_runtime::session::SessionDir;
 use sg_stack::console::Verbosity;
 use sg_stack::file::ExecutableSearch;
@@ -12,6 +14,7 @@ use sg_stack::supervisor::{Stack, Supervisor};
 use crate::display::has_display;
 use crate::input::{Input, Scene};
 use crate::opener::CommandOpener;
+use crate::opening_window::OpeningWindow;
 use crate::session_name::session_of;
 use crate::shipped::{self, DESKTOP};
 use crate::terminal::{self, CommandResult, Failure};
@@ -51,8 +54,14 @@ pub(crate) async fn open_path(
     let is_new = !session.path().exists();
     session.create()?;
     let lock = Lock::take(&session)?;
-    let scene = match scene_of(&input, spacing) {
-        Ok(scene) => scene,
+    // The fit and the services take seconds, and a person who has opened a file by a click sees no terminal.
+    let mut window = OpeningWindow::open(path);
+    let scene = match scene_of(&input, spacing, &mut window) {
+        Ok(Some(scene)) => scene,
+        Ok(None) => {
+            lock.remove(is_new);
+            return cancelled();
+        }
         Err(refused) => {
             lock.remove(is_new);
             return Err(refused);
@@ -69,7 +78,7 @@ pub(crate) async fn open_path(
     overrides
         .extend(std::path::absolute(path).iter().filter(|_| !is_kept).map(|file| param("render-view", "file", file)));
     let file = shipped::launch_file(DESKTOP, &overrides, &search)?;
-    let folder = session.path().to_owned();
+    let (folder, endpoint) = (session.path().to_owned(), session.endpoint());
     let stack = Stack {
         file,
         path: PathBuf::from(DESKTOP.0),
@@ -78,7 +87,23 @@ pub(crate) async fn open_path(
         opener: Box::new(CommandOpener),
     };
     terminal::print_status(&format!("session {name}: a window shows the scene; close it to end"));
-    let ended = Supervisor::open(stack).await?.run().await?;
+    let supervisor = Supervisor::open(stack).await?;
+    let handle = supervisor.handle();
+    let opening = tokio::spawn(async move {
+        let Ok(bus) = Bus::connect(&name, role::CLI, &endpoint).await else { return false };
+        let is_cancelled = window.until_shown(&bus).await;
+        if is_cancelled {
+            handle.down();
+        }
+        is_cancelled
+    });
+    let ended = supervisor.run().await?;
+    if opening.is_finished() && opening.await.unwrap_or(false) {
+        if is_new {
+            let _ = std::fs::remove_dir_all(folder);
+        }
+        return cancelled();
+    }
     if is_new && is_of_wrong_input(&ended) {
         // The error says all that its logs do. Left over, they only take disk space.
         let _ = std::fs::remove_dir_all(folder);
@@ -91,10 +116,16 @@ fn is_of_wrong_input(ended: &Outcome) -> bool {
     matches!(ended, Outcome::Failed { reason, .. } if reason.starts_with("exit status 2"))
 }
 
-fn scene_of(input: &Input, spacing: Option<&str>) -> Result<Scene, Failure> {
+/// The result after a person has cancelled.
+fn cancelled() -> CommandResult {
+    terminal::print_status("cancelled; nothing was opened");
+    Ok(())
+}
+
+fn scene_of(input: &Input, spacing: Option<&str>, window: &mut OpeningWindow) -> Result<Option<Scene>, Failure> {
     let shipped = tempfile::tempdir().map_err(|e| Failure::Work(format!("no temporary folder: {e}; set TMPDIR")))?;
     let function = shipped::unpack(shipped.path(), input.shipped_name())?.transfer_function;
-    input.kept_scene(function.as_deref(), spacing)
+    input.kept_scene(function.as_deref(), spacing, window)
 }
 
 /// The lock on a session while Gaussians are made, before a supervisor exists. The system frees it at the end of the

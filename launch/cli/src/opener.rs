@@ -17,7 +17,7 @@ use crate::session_name::session_of;
 pub(crate) struct CommandOpener;
 
 impl SessionOpener for CommandOpener {
-    fn command(&self, path: &Path) -> Result<OpenCommand, Fault> {
+    fn command(&self, path: &Path, spacing: Option<[f64; 3]>) -> Result<OpenCommand, Fault> {
         // A path that is not there is a fault of its own.
         file::check_file_or_folder(path)
             .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(e) })
@@ -35,6 +35,9 @@ impl SessionOpener for CommandOpener {
         let session = session_of(path).map_err(|f| Fault::not_found(f.text()))?;
         let mut command = spawn::detached();
         command.args(["open", "--session", &session]).arg(path);
+        if let Some([x, y, z]) = spacing {
+            command.arg(format!("--spacing={x},{y},{z}"));
+        }
         Ok(OpenCommand { session, volume: matches!(input, Input::Volume(_)), command })
     }
 }

@@ -1,5 +1,6 @@
 //! Chooses the renderer of a scene, all CPU cores or a graphics device, and recovers from the loss of the device.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use sg_scene::appearance::Appearance;
@@ -13,7 +14,7 @@ use crate::renderer::Renderer;
 use crate::settings::{FrameStats, Rasterizer, Settings};
 use crate::stats::PassSeconds;
 use crate::trial::Trial;
-use sg_raster::render::{Options, Projection, Rendered, render};
+use sg_raster::render::{Options, Projection, Quality, Rendered, render};
 use sg_raster::report::{Report, StageSeconds};
 use sg_scene::framing;
 
@@ -35,7 +36,7 @@ const TRIAL_SIZE: u32 = 768;
 
 /// A scene and its renderer.
 pub struct Engine {
-    scene: Scene,
+    scene: Arc<Scene>,
     device: Option<DeviceRenderer>,
     /// Whether the CPU may replace the device.
     falls_back: bool,
@@ -55,7 +56,12 @@ impl Engine {
     ///
     /// # Errors
     /// [`GpuError`] without a usable device. With [`Backend::Auto`] the CPU draws instead.
-    pub fn new(scene: Scene, backend: Backend, rasterizer: Option<Rasterizer>) -> Result<Self, GpuError> {
+    pub fn new(
+        scene: impl Into<Arc<Scene>>,
+        backend: Backend,
+        rasterizer: Option<Rasterizer>,
+    ) -> Result<Self, GpuError> {
+        let scene = scene.into();
         let class = match backend {
             Backend::Cpu => return Ok(Self::on_cpu(scene)),
             Backend::Auto => DeviceClass::Hardware,
@@ -72,7 +78,7 @@ impl Engine {
         }
     }
 
-    fn on_cpu(scene: Scene) -> Self {
+    fn on_cpu(scene: Arc<Scene>) -> Self {
         Self { scene, device: None, falls_back: true, fallback_error: None }
     }
 
@@ -80,6 +86,21 @@ impl Engine {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Draws this scene from now on: the same Gaussians, some of them elsewhere. The scene that is drawn already costs nothing.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn show(&mut self, scene: &Arc<Scene>) -> Result<(), GpuError> {
+        if Arc::ptr_eq(&self.scene, scene) {
+            return Ok(());
+        }
+        self.scene = Arc::clone(scene);
+        let shown = self.on_device(Options::from(Quality::Standard), |device| {
+            if device.renderer.show(scene)? { Ok(()) } else { device.reopen(scene) }
+        });
+        shown.map(drop)
     }
 
     /// Name of the renderer: `cpu`, or the name of the device and the rasterizer.

@@ -120,6 +120,30 @@ impl Renderer {
         Ok(renderer)
     }
 
+    /// Draws this scene from now on, if it has the same Gaussians, some of them elsewhere: uploads its columns anew, and keeps
+    /// everything else. Returns whether it does; a scene of other columns needs another renderer. For the moment of the upload the
+    /// device holds both.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`]; the former scene then stays.
+    pub fn show(&mut self, scene: &Scene) -> Result<bool, GpuError> {
+        check_scene(scene)?;
+        if scene.len() != self.scene.len {
+            return Ok(false);
+        }
+        // A picture under way still reads the former columns.
+        self.gpu.wait()?;
+        let columns = SceneBuffers::upload(&self.gpu, scene, self.scene.half);
+        self.gpu.check()?;
+        if !columns.is_like(&self.scene) {
+            return Ok(false);
+        }
+        self.scene = columns;
+        self.groups = BindGroups::default();
+        self.gpu.wait()?;
+        Ok(true)
+    }
+
     /// The device of the renderer.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
@@ -284,6 +308,8 @@ impl Renderer {
         for camera in cameras {
             check_look([self.scene.len, self.scene.units.len()], appearance, camera)?;
         }
+        let tinted = self.scene.tinted(appearance);
+        let appearance = tinted.as_ref().unwrap_or(appearance);
         self.gpu.check()?;
         // Process finished readbacks, without a wait.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);

@@ -5,13 +5,16 @@
 
 use std::cell::Cell;
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
-use sg_raster::shading::NormalTransform;
+use sg_scene::affine::NormalTransform;
+use sg_scene::appearance::{Appearance, UnitAppearance};
+use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::device::Gpu;
@@ -45,6 +48,20 @@ pub(super) struct SceneBuffers {
     pub(super) non_finite: usize,
     /// Bytes on the device.
     pub(super) bytes: u64,
+    /// For each unit of trained splats: its number, the palette of its file, and its Gaussians.
+    trained: Vec<(usize, Vec3, Arc<Mask>)>,
+}
+
+/// Units whose colours are harmonics alone, with the palettes of their files.
+fn trained(scene: &Scene) -> Vec<(usize, Vec3, Arc<Mask>)> {
+    let units = scene.units.iter().enumerate();
+    let trained = units.filter(|(_, u)| u.gaussians.shading.is_none() && u.gaussians.harmonics.is_some());
+    let masked = trained.map(|(k, unit)| {
+        let mut mask = Mask::empty(scene.len());
+        mask.select_range(unit.range());
+        (k, unit.palette, Arc::new(mask))
+    });
+    masked.collect()
 }
 
 /// A range of Gaussians; each of its columns fits one binding.
@@ -122,6 +139,7 @@ impl SceneBuffers {
             half,
             non_finite: 0,
             bytes: 0,
+            trained: trained(scene),
         };
         for first in (0..scene.len()).step_by(most.max(block)) {
             let end = (first + most.max(block)).min(scene.len());
@@ -130,6 +148,27 @@ impl SceneBuffers {
         let table: Vec<Part> = buffers.parts.iter().map(|p| p.part).collect();
         buffers.part_table = gpu.table("parts", &table);
         buffers
+    }
+
+    /// The appearance with the palettes of trained splats as colours of their Gaussians, below those of all edits
+    /// ([`BaseUnit::tint`]). `None` where each palette is the file's own.
+    pub(super) fn tinted(&self, appearance: &Appearance) -> Option<Appearance> {
+        let tint = |(unit, own, mask): &(usize, Vec3, Arc<Mask>)| {
+            let palette = appearance.base.get(*unit)?.palette;
+            let (mask, color) = (Arc::clone(mask), Some(palette));
+            (palette != *own).then_some(UnitAppearance { mask, color, opacity: 1.0, visible: true })
+        };
+        let tints: Vec<UnitAppearance> = self.trained.iter().filter_map(tint).collect();
+        (!tints.is_empty()).then(|| {
+            let units = tints.into_iter().chain(appearance.units.iter().cloned()).collect();
+            Appearance { units, ..appearance.clone() }
+        })
+    }
+
+    /// Whether shaders and buffers for `other` fit this scene.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let kind = |s: &Self| (s.len, s.parts.len(), s.units.len(), s.blocks, s.lit, s.highlights, s.degree, s.half);
+        kind(self) == kind(other)
     }
 
     fn upload_part(&mut self, gpu: &Gpu, scene: &Scene, range: Range<usize>, coefficients: usize) {

@@ -8,13 +8,14 @@ use std::time::{Duration, Instant};
 use directories::ProjectDirs;
 use glam::{DVec3, Vec3};
 use sg_edit::wire::encode_color;
-use sg_edit::{EditState, Replica};
+use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
 use sg_gpu::GpuError;
 use sg_gpu::backend::Engine;
 use sg_proto::keys::{self, role};
 use sg_proto::render as proto;
 use sg_proto::selection::Preview;
+use sg_raster::finish::{Backdrop, Finish};
 use sg_raster::image::Image;
 use sg_raster::image_error::FOOTPRINT;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
@@ -83,6 +84,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .map_err(|e| StartError::Input(e.to_string()))?;
     progress::current().step();
     let gaussians = scene.len() as u64;
+    let scene = Arc::new(scene);
     if params.display != Display::None {
         if host.role() != role::RENDER_VIEW {
             return Err(StartError::Input(format!("`display` is for the role `{}` alone", role::RENDER_VIEW)));
@@ -90,7 +92,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         return display::open(&host, scene, replica, &params).await;
     }
     let (backend, rasterizer) = (params.backend, params.rasterizer);
-    let mut engine = tokio::task::block_in_place(|| Engine::new(scene, backend, rasterizer))
+    let placed = PlacedScene::new(scene);
+    let shown = tokio::task::block_in_place(|| placed.of(&state));
+    let mut engine = tokio::task::block_in_place(|| Engine::new(shown, backend, rasterizer))
         .map_err(|e| StartError::Failed(e.to_string()))?;
     if let Some(trouble) = engine.take_fallback_error() {
         tracing::warn!("{trouble}");
@@ -113,8 +117,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let actor = RenderActor {
         bus: host.bus().clone(),
         blobs: host.blobs().clone(),
-        first_view: FirstView::of(engine.scene()),
-        near: params.near.unwrap_or_else(|| framing::near_distance(engine.scene())),
+        first_view: FirstView::of(placed.file()),
+        near: params.near.unwrap_or_else(|| framing::near_distance(placed.file())),
+        placed,
         engine,
         clusters: ClusterLabels::default(),
         replica: replica.clone(),
@@ -195,6 +200,8 @@ struct RenderActor {
     bus: Bus,
     blobs: Blobs,
     engine: Engine,
+    /// The scene where edits put its Gaussians; the engine draws it as of the last request.
+    placed: PlacedScene,
     first_view: FirstView,
     /// Near distance of cameras without a target, and the greatest of those with one.
     near: f64,
@@ -315,8 +322,10 @@ impl RenderActor {
         let newest = self.replica.at_least(request.at_least_revision, context.deadline).await?.replica;
         let state = newest.state();
         let hit = self.work(|actor| {
+            actor.follow(state)?;
             let scene = actor.engine.scene();
-            let view = actor.first_view.shown(scene, state.view(), aspect([request.width, request.height]));
+            let view =
+                actor.first_view.shown(actor.placed.file(), state.view(), aspect([request.width, request.height]));
             pick::pick(scene, (state, view, actor.near), request)
         })?;
         // A scene without a selection process has no clusters, but picking works all the same.
@@ -358,6 +367,7 @@ impl RenderActor {
         labels: Option<&[u32]>,
     ) -> Result<proto::Frame, Fault> {
         let start = Instant::now();
+        self.follow(state)?;
         let camera = self.camera_of(state, request)?;
         let projection = projection(request.projection());
         let mut look = if request.only_units.is_empty() {
@@ -398,7 +408,12 @@ impl RenderActor {
         let kept = |e: &dyn fmt::Display| Fault::exhausted(e.to_string());
         let (mut npy, mut png) = (Vec::new(), Vec::new());
         image.write_npy(&mut npy).map_err(|e| kept(&e))?;
-        image.write_png(&mut png).map_err(|e| kept(&e))?;
+        if request.transparent {
+            let finish = Finish { backdrop: Backdrop::Transparent, ..Finish::to_look_at(look.background, false) };
+            image.write_finished_png(look.background, &finish, &mut png).map_err(|e| kept(&e))?;
+        } else {
+            image.write_png(&mut png).map_err(|e| kept(&e))?;
+        }
         let (hash, npy_path) = self.blobs.put(&npy, "npy").map_err(|e| kept(&e))?;
         let (png_hash, png_path) = self.blobs.put(&png, "png").map_err(|e| kept(&e))?;
         Ok(proto::Frame {
@@ -423,10 +438,16 @@ impl RenderActor {
         })
     }
 
+    /// Takes the places that a state gives to Gaussians. Without a change of them it costs nothing.
+    fn follow(&mut self, state: &EditState) -> Result<(), Fault> {
+        let scene = self.placed.of(state);
+        self.engine.show(&scene).map_err(|e| Fault::exhausted(e.to_string()))
+    }
+
     /// The camera of a request.
     fn camera_of(&mut self, state: &EditState, request: &proto::CaptureRequest) -> Result<Camera, Fault> {
         let [width, height] = [request.width, request.height];
-        let view = self.first_view.shown(self.engine.scene(), state.view(), aspect([width, height]));
+        let view = self.first_view.shown(self.placed.file(), state.view(), aspect([width, height]));
         let camera = decode::camera(request.camera.as_ref(), (view, self.near), [width, height])?;
         decode::check_stored(camera.width, camera.height)?;
         Ok(camera)

@@ -2,6 +2,7 @@
 
 mod actor;
 mod cli;
+mod progress;
 
 use std::process::ExitCode;
 
@@ -29,11 +30,15 @@ enum Mode {
     /// Serves pictures, a window or a headset of a running session; a supervisor starts this
     #[command(after_help = cli::SERVE_EXAMPLE)]
     Serve(ServeArgs),
+    /// Shows the progress of a file that opens, from lines `SHARE STEP` on standard input; `supergaussian open` starts this
+    #[command(hide = true)]
+    Progress(progress::ProgressArgs),
 }
 
 fn main() -> ExitCode {
     match process::parse_command_line::<Arguments>() {
         Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
+        Arguments { mode: Some(Mode::Progress(args)), .. } => progress::run(&args),
         Arguments { picture: Some(picture), .. } => cli::run(&picture),
         _ => {
             let error = Arguments::command().error(

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
+use sg_scene::affine::NormalTransform;
 use sg_scene::model::{BaseUnit, Scene};
 
 use crate::color_map::ColorMap;
-use crate::shading::NormalTransform;
 
 /// The attribute to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -15,10 +15,9 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3, UVec3};
 use rayon::prelude::*;
+use sg_scene::affine::NormalTransform;
 use sg_scene::appearance::Appearance;
 use sg_scene::model::{BaseUnit, Scene, ShadingModel};
-
-use crate::shading::NormalTransform;
 
 /// Cells along the longest edge of what is visible.
 const CELLS: u32 = 96;

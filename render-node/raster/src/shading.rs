@@ -4,6 +4,7 @@
 //! numbers.
 
 use glam::{DMat3, DVec3, Vec3};
+use sg_scene::affine::NormalTransform;
 use sg_scene::appearance::{Appearance, BaseAppearance, ShadingTerm};
 use sg_scene::camera::LightMode;
 use sg_scene::model::{BaseUnit, ShadingColumns, ShadingModel};
@@ -95,26 +96,6 @@ pub(crate) struct UnitShader<'a> {
     to_local: Option<DMat3>,
 }
 
-/// Normals of an affinely transformed surface: the inverse transpose up to length, in a form that a singular transform
-/// does not break.
-pub struct NormalTransform(DMat3);
-
-impl NormalTransform {
-    /// The transform for normals under a linear map: its inverse transpose.
-    #[must_use]
-    pub fn of(linear: DMat3) -> Self {
-        // The cofactor matrix is det·A⁻ᵀ: finite for every A; a mirror's sign is taken out again.
-        let DMat3 { x_axis: a, y_axis: b, z_axis: c } = linear;
-        let cofactor = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
-        Self(if linear.determinant() < 0.0 { -1.0 * cofactor } else { cofactor })
-    }
-
-    /// Keeps the normal's length: a reader may have stored less than unit length if a file barely determines it.
-    pub fn apply(&self, normal: DVec3) -> DVec3 {
-        (self.0 * normal).normalize_or_zero() * normal.length()
-    }
-}
-
 impl<'a> UnitShader<'a> {
     pub(crate) fn new(unit: &'a BaseUnit, base: BaseAppearance, appearance: &'a Appearance, eye: DVec3) -> Self {
         let light = &appearance.light;
@@ -150,7 +131,7 @@ impl<'a> UnitShader<'a> {
         if self.appearance.clips.iter().any(|clip| !clip.keeps(position)) {
             return Err(Culled::Clipped);
         }
-        let mut replaced = None;
+        let mut replaced = self.unit.tint(self.base.palette);
         let mut factor = f64::from(self.base.opacity);
         for edit in self.appearance.units.iter().filter(|u| u.mask.get(global)) {
             if !edit.visible {
@@ -301,19 +282,5 @@ mod tests {
         ] {
             assert_eq!(shade(ShadingModel::Paper, ShadingTerm::Full, &broken, V, L), None, "{broken:?}");
         }
-    }
-
-    #[test]
-    fn normals_turn_shear_and_mirror_with_their_surface() {
-        let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.5, 1.0, 0.0), DVec3::new(0.0, 0.0, 4.0));
-        for linear in [DMat3::from_rotation_y(0.7), shear, DMat3::from_diagonal(DVec3::new(-1.0, 2.0, 3.0))] {
-            let n = DVec3::new(0.3, -0.5, 0.8).normalize();
-            let (s, t) = n.any_orthonormal_pair();
-            let got = NormalTransform::of(linear).apply(n);
-            assert!(got.dot(linear * s).abs() < 1e-12 && got.dot(linear * t).abs() < 1e-12);
-            assert!((got.length() - 1.0).abs() < 1e-12);
-            assert!(got.dot(linear * n) > 0.0, "the same side stays outside");
-        }
-        assert_eq!(NormalTransform::of(DMat3::ZERO).apply(DVec3::Z), DVec3::ZERO);
     }
 }

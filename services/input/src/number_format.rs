@@ -15,13 +15,18 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// A number with at most so many decimals. Trailing zeros are dropped, and negative zero loses its sign.
+/// A number with at most so many decimals. Trailing zeros are dropped, and negative zero loses its sign. A tie rounds away from
+/// zero, as people round: 12.5 becomes 13.
 #[must_use]
 pub fn decimals(x: f64, most: usize) -> String {
     if !x.is_finite() {
         return x.to_string();
     }
-    let text = format!("{:.most$}", x.abs());
+    // Formatting alone rounds a tie to the even digit.
+    let unit = 10_f64.powi(most.min(15) as i32);
+    let scaled = x.abs() * unit;
+    let rounded = if scaled.fract() == 0.5 { scaled.ceil() / unit } else { x.abs() };
+    let text = format!("{rounded:.most$}");
     let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));
     let whole = whole.parse().map_or_else(|_| whole.to_owned(), grouped);
     let fraction = fraction.trim_end_matches('0');
@@ -42,5 +47,15 @@ mod tests {
             assert_eq!(decimals(x, 2), written);
         }
         assert_eq!(decimals(f64::NAN, 2), "NaN");
+    }
+
+    #[test]
+    fn a_tie_rounds_away_from_zero() {
+        for (x, most, written) in
+            [(12.5, 0, "13"), (13.5, 0, "14"), (-0.5, 0, "-1"), (0.25, 1, "0.3"), (2.125, 2, "2.13")]
+        {
+            assert_eq!(decimals(x, most), written);
+        }
+        assert_eq!(decimals(f64::MAX, 2), decimals(f64::MAX, 0));
     }
 }

@@ -21,7 +21,7 @@ use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, NamedView, Orbit, Redo, RenameUnit,
     Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
-    SetView, SetVisibility, ShowOnly, Target, Undo,
+    SetView, SetVisibility, ShowOnly, Target, TransformGaussians, Undo, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -442,6 +442,20 @@ fn some_commands() -> Vec<Command> {
         Action::DeleteUnit(DeleteUnit { name: "neck".into() }),
         Action::DeleteGaussians(DeleteGaussians { target: selection() }),
         Action::RestoreGaussians(RestoreGaussians {}),
+        Action::TransformGaussians(TransformGaussians {
+            target: selection(),
+            pivot: Some(Vector { x: 1.0, y: 2.0, z: 3.0 }),
+            shift: Some(Vector { x: 0.5, y: 0.0, z: -0.5 }),
+            axis: Some(Vector { x: 0.0, y: 0.0, z: 1.0 }),
+            degrees: 30.0,
+            factor: Some(1.5),
+            ..TransformGaussians::default()
+        }),
+        Action::TransformGaussians(TransformGaussians {
+            target: selection(),
+            restore: true,
+            ..TransformGaussians::default()
+        }),
         Action::SetLock(SetLock { target: selection(), locked: true }),
         Action::Reset(Reset {}),
     ];

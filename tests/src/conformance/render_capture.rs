@@ -10,7 +10,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteGaussians, RestoreGaussians, SetVisibility, Undo, Vector};
 
 use super::question::{Question, hold, refused_as, soon};
-use super::scene::named;
+use super::scene::{named, shift};
 use super::stage::{Stage, decode};
 use super::{Checks, Subject, content};
 use crate::Picture;
@@ -36,8 +36,10 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("draws what was asked for", draws(stage).await);
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("does not draw what is deleted", deleted(stage).await);
+    checks.note("draws Gaussians where they are", moved(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
+    checks.note("leaves the background out where asked", transparent(stage).await);
     checks.note("shows the structure in place of the scene", structure(stage).await);
     checks.note("says what is in front", picks(stage).await);
     checks.note("refuses pictures that cannot be", misfits(stage).await);
@@ -106,6 +108,24 @@ async fn deleted(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(back.hash == whole.hash, || "restored Gaussians are not in the picture".to_owned())
 }
 
+async fn moved(stage: &mut Stage<'_>) -> Result<(), String> {
+    let picture = async |stage: &Stage<'_>, at_least_revision| {
+        capture(stage, &CaptureRequest { at_least_revision, ..small() }).await
+    };
+    let whole = picture(stage, 0).await?;
+    let revision = stage.change(shift("sac", 0.1)).await?.revision;
+    let beside = picture(stage, revision).await?;
+    hold(beside.hash != whole.hash, || "a moved unit is where it was".to_owned())?;
+    let revision = stage.change(shift("sac", 1e3)).await?.revision;
+    let away = picture(stage, revision).await?;
+    let hide = SetVisibility { target: named("sac"), visible: false };
+    let revision = stage.change(Action::SetVisibility(hide)).await?.revision;
+    let hidden = picture(stage, revision).await?;
+    hold(away.hash == hidden.hash, || "a unit that is far away is still in the picture".to_owned())?;
+    let revision = stage.change(Action::Undo(Undo { steps: 3 })).await?.revision;
+    hold(picture(stage, revision).await?.hash == whole.hash, || "undo does not bring the picture back".to_owned())
+}
+
 async fn measures(stage: &Stage<'_>) -> Result<(), String> {
     let request = CaptureRequest { only_units: vec!["sac".to_owned()], measure_units: true, ..small() };
     let frame = capture(stage, &request).await?;
@@ -124,6 +144,16 @@ async fn clips(stage: &Stage<'_>) -> Result<(), String> {
         let clips = vec![Clip { sides: vec![side(x)], hide_inside }];
         let frame = capture(stage, &CaptureRequest { clips, ..small() }).await?;
         hold(frame.coverage == coverage, || format!("coverage {} instead of {coverage}", frame.coverage))?;
+    }
+    Ok(())
+}
+
+/// PNG files hold their colour type in byte 25: 6 stands for RGBA.
+async fn transparent(stage: &Stage<'_>) -> Result<(), String> {
+    for (transparent, kind) in [(false, 2), (true, 6)] {
+        let frame = capture(stage, &CaptureRequest { transparent, ..small() }).await?;
+        let png = std::fs::read(&frame.png_path).map_err(|e| format!("{}: {e}", frame.png_path))?;
+        hold(png.get(25) == Some(&kind), || format!("transparent {transparent}: colour type {:?}", png.get(25)))?;
     }
     Ok(())
 }

@@ -4,8 +4,9 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, RestoreGaussians, Select,
-    SetBackground, SetColor, SetLock, SetOpacity, State, Target, Undo,
+    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, MeasureRequest, Placements,
+    RestoreGaussians, Select, SetBackground, SetColor, SetLock, SetOpacity, State, Target, TransformGaussians, Undo,
+    Vector,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -39,6 +40,12 @@ fn red(name: &str) -> Action {
     Action::SetColor(SetColor { target: named(name), color })
 }
 
+/// Moves a unit along x.
+pub(super) fn shift(name: &str, x: f64) -> Action {
+    let shift = Some(Vector { x, y: 0.0, z: 0.0 });
+    Action::TransformGaussians(TransformGaussians { target: named(name), shift, ..TransformGaussians::default() })
+}
+
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("tells and shows an accepted change", change(stage).await);
     checks.note("refuses what does not fit the scene", misfits(stage).await);
@@ -46,6 +53,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("refuses another command under the same id", taken(stage).await);
     checks.note("takes back what it is told to", undo(stage).await);
     checks.note("deletes Gaussians and brings them back", deletes(stage).await);
+    checks.note("moves, turns and scales what it is told to", moves(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
     checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
@@ -164,6 +172,38 @@ async fn deletes(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::Undo(Undo { steps: 5 })).await?;
     let undone = stage.scene_state().await?;
     hold(of(&undone) == of(&before), || format!("undo left {:?}", of(&undone)))
+}
+
+async fn moves(stage: &mut Stage<'_>) -> Result<(), String> {
+    let edge = async |stage: &Stage<'_>| {
+        let request = MeasureRequest { target: named("sac") };
+        let measured = stage.cli.ask(&keys::SCENE_MEASURE, &request, &soon()).await.map_err(|f| f.to_string())?;
+        Ok::<f64, String>(measured.edges.unwrap_or_default().x)
+    };
+    let parts = async |stage: &Stage<'_>| {
+        let whole = changes(stage, ChangesRequest { from: 0, snapshot: true }).await?.snapshot;
+        Ok::<Placements, String>(whole.ok_or("no snapshot where one was asked for")?.placements.unwrap_or_default())
+    };
+    let before = edge(stage).await?;
+    stage.change(shift("sac", 0.25)).await?;
+    let larger = TransformGaussians { target: named("sac"), factor: Some(2.0), ..TransformGaussians::default() };
+    stage.change(Action::TransformGaussians(larger)).await?;
+    let (after, placed) = (edge(stage).await?, parts(stage).await?);
+    hold((after / before - 2.0).abs() < 1e-3, || format!("{before} long, twice as large {after}"))?;
+    let scales: Vec<f64> = placed.parts.iter().map(|p| p.map.as_ref().map_or(0.0, |m| m.scale)).collect();
+    hold(scales == [2.0], || format!("parts of scales {scales:?} after one unit was moved and scaled"))?;
+    let back = TransformGaussians { target: named("sac"), restore: true, ..TransformGaussians::default() };
+    stage.change(Action::TransformGaussians(back)).await?;
+    hold(edge(stage).await? == before && parts(stage).await?.parts.is_empty(), || "put back, it is elsewhere".into())?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    hold(parts(stage).await? == placed, || "undo gave other places".to_owned())?;
+    stage.change(Action::Undo(Undo { steps: 2 })).await?;
+    stage.change(Action::SetLock(SetLock { target: named("sac"), locked: true })).await?;
+    let id = stage.new_id();
+    let refused = Command { id: id.clone(), expected_revision: 0, action: Some(shift("sac", 0.25)) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &refused), &id).await, &[Code::FailedPrecondition])?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    hold(edge(stage).await? == before, || "undo left it elsewhere".to_owned())
 }
 
 async fn changes(stage: &Stage<'_>, request: ChangesRequest) -> Result<Changes, String> {

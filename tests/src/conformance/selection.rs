@@ -15,7 +15,7 @@ use sg_proto::scene::{
 use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
 
 use super::question::{Question, hold, refused_as, soon};
-use super::scene::named;
+use super::scene::{named, shift};
 use super::stage::{Stage, decode};
 use super::{Checks, Subject, content};
 use crate::small_scene::{GAUSSIANS, SAC, STROKE};
@@ -54,6 +54,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("commits what strokes select", commit(stage).await);
     checks.note("takes operations among strokes", operations(stage).await);
     checks.note("selects nothing that is deleted", deleted(stage).await);
+    checks.note("selects Gaussians where they are", moved(stage).await);
     checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
     checks.note("tells what strokes select when they end", told(stage).await);
     checks.note("tries another leak and threshold after a walk", tunes(stage).await);
@@ -114,6 +115,30 @@ async fn deleted(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::RestoreGaussians(RestoreGaussians {})).await?;
     let back = draw(stage, &strokes(StrokeMode::Point, true)).await?;
     hold(back.selected > 0, || "a stroke selects nothing where Gaussians were restored".to_owned())
+}
+
+async fn moved(stage: &mut Stage<'_>) -> Result<(), String> {
+    let edges = stage.scene_state().await?.r#box.ok_or("no box")?;
+    let width = edges.max.unwrap_or_default().x - edges.min.unwrap_or_default().x;
+    let at = |x: f64| {
+        let points = [SAC, SAC.map(|x| x + 0.01)].concat();
+        let points = points.chunks(3).flat_map(|p| [p[0] + x, p[1], p[2]]).collect();
+        let strokes = vec![Stroke { points, ..stroke(StrokeMode::Point) }];
+        StrokesRequest { strokes, restart: true, ..StrokesRequest::default() }
+    };
+    let here = draw(stage, &at(0.0)).await?;
+    stage.change(shift("sac", 3.0 * width)).await?;
+    let kept = stage.scene_state().await?.selection.unwrap_or_default();
+    hold(kept.hash == here.selection_hash, || "a move changes what is selected".to_owned())?;
+    let there = draw(stage, &at(3.0)).await?;
+    hold(there.selection_hash == here.selection_hash, || {
+        format!("{} selected there, {} here before the move", there.selected, here.selected)
+    })?;
+    let nothing = draw(stage, &at(0.0)).await?;
+    hold(nothing.selected == 0, || format!("{} selected where nothing is any more", nothing.selected))?;
+    stage.change(Action::Undo(Undo { steps: 3 })).await?;
+    let back = draw(stage, &at(0.0)).await?;
+    hold(back.selection_hash == here.selection_hash, || format!("{} selected after an undo", back.selected))
 }
 
 async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {

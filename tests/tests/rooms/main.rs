@@ -334,7 +334,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
     ("services/runtime", "sg-runtime", &["sg-input", "sg-proto"]),
     ("services/scene/model", "sg-scene", &["sg-input"]),
     ("services/scene/formats", "sg-formats", &["sg-input", "sg-scene"]),
-    ("services/scene/edit", "sg-edit", &["sg-proto", "sg-scene"]),
+    ("services/scene/edit", "sg-edit", &["sg-input", "sg-proto", "sg-scene"]),
     (
         "services/scene/service",
         "supergaussian-scene",
@@ -365,7 +365,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-walk",
         ],
     ),
-    ("services/agents/language", "sg-language", &["sg-proto"]),
+    ("services/agents/language", "sg-language", &["sg-input", "sg-proto"]),
     ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
     (

@@ -48,7 +48,7 @@ const ALL: [UserFile; 6] = [
         unit: Some("mm"),
     },
     UserFile { path: "splats/donut_fused.ply", spacing: None, name: "icing", unit: None },
-    UserFile { path: "splats/biker.spz", spacing: None, name: "jacket", unit: None },
+    UserFile { path: "splats/biker.compressed.ply", spacing: None, name: "jacket", unit: None },
 ];
 
 /// One user with a home folder, before one screen.
@@ -90,7 +90,7 @@ impl Desk {
 
     /// Opens a file as a person does in a terminal, and waits for its picture.
     async fn window<'a>(&'a self, data: &Path, file: &'a UserFile) -> Window<'a> {
-        let path = self.unpacked(&data.join(file.path));
+        let path = self.own(&data.join(file.path));
         let log = self.home.path().join("open.log");
         let mut open = self.command();
         open.arg("open").arg(&path);
@@ -116,7 +116,7 @@ impl Desk {
         // The whole window is on the screen, its status line too.
         let begun = Instant::now();
         let place = loop {
-            let [left, top, width, height] = self.place(&window);
+            let [left, top, width, height] = self.screen.place(&window).unwrap();
             if left + width <= SIZE[0] as i32 && top + height <= SIZE[1] as i32 {
                 break [left, top, width, height];
             }
@@ -126,13 +126,22 @@ impl Desk {
         Window { desk: self, file, process, bus, place }
     }
 
-    /// The file, or its content in the home folder for a scene that was packed for the folder of data alone.
-    fn unpacked(&self, path: &Path) -> PathBuf {
+    /// Folder of the user's files.
+    fn files(&self) -> PathBuf {
+        self.home.path().join("files")
+    }
+
+    /// The user's own copy of a file, unpacked if it was packed for the folder of data alone.
+    fn own(&self, path: &Path) -> PathBuf {
         let name = path.file_name().unwrap().to_str().unwrap();
-        let Some(scene) = name.strip_suffix(".ply.zst") else { return path.to_owned() };
-        let target = self.home.path().join("files").join(format!("{scene}.ply"));
-        std::fs::create_dir_all(target.parent().unwrap()).unwrap();
-        std::fs::write(&target, zstd::decode_all(std::fs::File::open(path).unwrap()).unwrap()).unwrap();
+        let scene = name.strip_suffix(".ply.zst").map(|scene| format!("{scene}.ply"));
+        let target = self.files().join(scene.as_deref().unwrap_or(name));
+        if !target.exists() {
+            std::fs::create_dir_all(self.files()).unwrap();
+            let content = std::fs::read(path).unwrap();
+            let content = if scene.is_some() { zstd::decode_all(&content[..]).unwrap() } else { content };
+            std::fs::write(&target, content).unwrap();
+        }
         target
     }
 
@@ -145,15 +154,6 @@ impl Desk {
         let [session] = &running[..] else { panic!("{running:?} run") };
         let socket = self.run_root().join(session).join("bus.sock");
         Bus::connect(session, role::CLI, &endpoint_of(&socket)).await.unwrap()
-    }
-
-    fn place(&self, window: &str) -> [i32; 4] {
-        let told = self.screen.act(&["getwindowgeometry", "--shell", window]).unwrap();
-        let of = |name: &str| {
-            let line = told.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('='));
-            line.unwrap().parse().unwrap()
-        };
-        ["X", "Y", "WIDTH", "HEIGHT"].map(of)
     }
 }
 
@@ -287,36 +287,49 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
 
     let exported = window.export(selected(&chosen)).await;
     println!("{}: {} exported", file.path, exported.display());
+    window.export_by_words(selected(&chosen)).await;
     window.close();
 
     let window = desk.window(data, file).await;
     let kept = window.scene("the edits of before", is_red).await;
     assert!(kept.units.iter().any(|u| u.name == file.name), "{kept:?}");
-    window.picture("7-reopened").await;
+    window.picture("9-reopened").await;
     window.close();
 }
 
 impl Window<'_> {
-    /// Exports the selection: a file that holds as many Gaussians.
+    /// Exports the selection by Ctrl+E and a typed path: a file that holds as many Gaussians.
     async fn export(&self, count: u64) -> PathBuf {
-        let before = self.files();
+        let path = self.desk.files().join(format!("{}-selection.splat", self.file.name));
         self.key("ctrl+e");
+        tokio::time::sleep(Duration::from_millis(700)).await;
+        self.key("ctrl+a");
+        self.picture("7-export").await;
+        self.type_line(path.to_str().unwrap()).await;
         let begun = Instant::now();
-        let path = loop {
-            if let Some(path) = self.files().into_iter().find(|path| !before.contains(path)) {
-                break path;
-            }
+        while !path.exists() {
             assert!(begun.elapsed() < PATIENCE, "{}: no file of the selection", self.file.path);
             tokio::time::sleep(Duration::from_millis(50)).await;
-        };
+        }
         let exported = load(&path, &LoadOptions::default()).unwrap().scene;
         assert_eq!(exported.len() as u64, count, "{}", path.display());
         path
     }
 
-    fn files(&self) -> Vec<PathBuf> {
-        let files = std::fs::read_dir(self.desk.home.path()).unwrap().flatten().map(|f| f.path());
-        files.filter(|path| path.extension().is_some_and(|e| e == "ply")).collect()
+    /// Exports the named structure and the picture by words: they are beside the opened file.
+    async fn export_by_words(&self, count: u64) {
+        let at = |name: &str| self.desk.files().join(name);
+        let name = self.file.name;
+        let said = self.say(&format!("export the {name} as {name}.ply")).await;
+        assert!(said.contains(&format!("{name}.ply")), "{said}");
+        let exported = load(&at(&format!("{name}.ply")), &LoadOptions::default()).unwrap().scene;
+        assert_eq!(exported.len() as u64, count);
+        self.say(&format!("save a picture as {name}.png at twice the size")).await;
+        let picture = std::fs::read(at(&format!("{name}.png"))).unwrap();
+        let edge = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().unwrap());
+        let window = view(&self.bus, "the picture in the window", |v| v.width > 0).await;
+        assert_eq!([edge(16), edge(20)], [2 * window.width, 2 * window.height]);
+        self.picture("8-exported").await;
     }
 }
 

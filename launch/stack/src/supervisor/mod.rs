@@ -5,6 +5,7 @@ mod answers;
 mod attempt;
 mod awake_clock;
 mod event_loop;
+mod file_places;
 mod nodes;
 mod open_session;
 mod opener;

@@ -1,6 +1,5 @@
 //! Opens scenes and volumes in sessions of their own, as the command `open` does. They go on when this session ends.
 
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use sg_proto::keys;
@@ -10,6 +9,7 @@ use sg_runtime::fault::Fault;
 use sg_runtime::session::SessionDir;
 
 use super::event_loop::Supervisor;
+use super::file_places::FilePlaces;
 use super::opener::{MAX_OPEN, OpenCommand};
 use crate::console::{self, ServiceLog};
 use crate::log_file::{self, LogFile};
@@ -18,14 +18,16 @@ use crate::spawn;
 impl Supervisor {
     /// Opens a scene or volume. Publishes [`OpenFailed`] if its command fails later.
     pub(super) fn open_session(&self, request: &OpenRequest) -> Result<OpenReply, Fault> {
-        let path = Path::new(&request.path);
         if self.reconciler.is_stopping() {
             return Err(Fault::precondition("the stack is stopping"));
         }
-        if !path.is_absolute() {
-            return Err(Fault::invalid(format!("`{}` must be an absolute path", request.path)));
-        }
-        let OpenCommand { session, volume, command } = self.stack.opener.command(path)?;
+        let path = &FilePlaces::of(&self.stack.file.services).absolute(&request.path)?;
+        let spacing = match request.spacing[..] {
+            [] => None,
+            [x, y, z] if [x, y, z].iter().all(|v| v.is_finite() && *v > 0.0) => Some([x, y, z]),
+            _ => return Err(Fault::invalid("the spacing of voxels is three lengths above 0")),
+        };
+        let OpenCommand { session, volume, command } = self.stack.opener.command(path, spacing)?;
         let refuse = |e: &dyn std::fmt::Display| Fault::precondition(format!("{}: {e}", path.display()));
         if SessionDir::named(&session).map_err(|e| refuse(&e))?.is_running() {
             return Err(refuse(&format!("it is open already, in session `{session}`")));
@@ -43,7 +45,7 @@ impl Supervisor {
         let (_, ended) = spawn::run(command, log).map_err(|e| refuse(&format!("it cannot be opened: {e}")))?;
         let (bus, failed) = (
             self.bus.clone(),
-            OpenFailed { path: request.path.clone(), session: session.clone(), ..OpenFailed::default() },
+            OpenFailed { path: path.display().to_string(), session: session.clone(), ..OpenFailed::default() },
         );
         tokio::spawn(async move {
             let exit = ended.await;

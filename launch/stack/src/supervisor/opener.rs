@@ -23,9 +23,9 @@ pub struct OpenCommand {
 ///
 /// The supervisor checks the session, starts the command, logs its lines and reports its failure.
 pub trait SessionOpener: Send + Sync {
-    /// The command for an absolute path.
+    /// The command for an absolute path. `spacing` holds the millimetres between the voxels of a raw volume.
     ///
     /// # Errors
     /// `NotFound` if there is no such file, `FailedPrecondition` if it cannot be opened here.
-    fn command(&self, path: &Path) -> Result<OpenCommand, Fault>;
+    fn command(&self, path: &Path, spacing: Option<[f64; 3]>) -> Result<OpenCommand, Fault>;
 }

@@ -1,6 +1,6 @@
-//! Files that a person saves from a window, under a name of their choice.
+//! Files that a person saves from a window or in words, under a name of their choice.
 //!
-//! The kernel confines the window's process to few folders. So this process writes for it, with limits of its own:
+//! The kernel confines the requesters' processes to few folders. So this process writes for them, with limits of its own:
 //!
 //! - A file that is there stays, unless the person has agreed.
 //! - Hidden files of the home folder are out of reach.
@@ -9,7 +9,7 @@
 use std::ffi::OsString;
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::Value;
@@ -23,6 +23,7 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 
 use super::event_loop::Supervisor;
+use super::file_places::FilePlaces;
 use super::requests::MAX_SAVES;
 use crate::spawn::{self, LineSink};
 
@@ -40,9 +41,10 @@ impl Supervisor {
     pub(super) fn save_file(&self, request: SaveRequest, context: Context, reply: Reply<SaveReply>) {
         let place = Arc::clone(&self.save_slots).try_acquire_owned();
         let (bus, pictures) = (self.bus.clone(), self.stack.session.path().join("blobs"));
+        let places = FilePlaces::of(&self.stack.file.services);
         tokio::spawn(async move {
             let saved = match place {
-                Ok(_place) => save(&bus, &pictures, request, &context).await,
+                Ok(_place) => save(&bus, &pictures, (request, &places), &context).await,
                 Err(_) => Err(Fault::exhausted(format!("{MAX_SAVES} files are being written; wait for one of them"))),
             };
             // The requester may have given up.
@@ -51,31 +53,37 @@ impl Supervisor {
     }
 }
 
-async fn save(bus: &Bus, pictures: &Path, request: SaveRequest, context: &Context) -> Result<SaveReply, Fault> {
-    let home = std::env::var_os("HOME").map(PathBuf::from);
-    let to = target(&request, home.as_deref())?;
-    match request.content {
-        None => Err(Fault::invalid("a file without content")),
-        Some(Content::Picture(picture)) => {
+async fn save(
+    bus: &Bus,
+    pictures: &Path,
+    (request, places): (SaveRequest, &FilePlaces),
+    context: &Context,
+) -> Result<SaveReply, Fault> {
+    let Some(content) = request.content else { return Err(Fault::invalid("a file without content")) };
+    let named = if request.path.is_empty() { places.free(&content)? } else { places.absolute(&request.path)? };
+    let to = target(&named, request.replace, &content, places.home.as_deref())?;
+    let path = to.display().to_string();
+    match content {
+        Content::Picture(picture) => {
             let (pictures, replace) = (pictures.to_owned(), request.replace);
             let copied =
                 tokio::task::spawn_blocking(move || copy_picture(&pictures, Path::new(&picture.path), &to, replace));
             copied.await.map_err(|e| Fault::internal(e.to_string()))??;
-            Ok(SaveReply { gaussians: 0 })
+            Ok(SaveReply { gaussians: 0, path })
         }
-        Some(Content::Project(_)) => {
+        Content::Project(_) => {
             let project = project(bus, context).await?;
             run(["backup".into(), project.into(), to.into()].into(), context).await?;
-            Ok(SaveReply { gaussians: 0 })
+            Ok(SaveReply { gaussians: 0, path })
         }
-        Some(Content::Gaussians(choice)) => {
+        Content::Gaussians(choice) => {
             let mut words: Vec<OsString> = ["scene", "convert", "--json"].map(OsString::from).into();
             words.push(option(&choice)?.into());
             words.push(project(bus, context).await?.into());
             words.push(to.into());
             let report = run(words, context).await?;
             let report: Value = serde_json::from_str(&report).unwrap_or_default();
-            Ok(SaveReply { gaussians: report["gaussians"].as_u64().unwrap_or(0) })
+            Ok(SaveReply { gaussians: report["gaussians"].as_u64().unwrap_or(0), path })
         }
     }
 }
@@ -103,16 +111,12 @@ async fn project(bus: &Bus, context: &Context) -> Result<String, Fault> {
     }
 }
 
-/// The path of a request, if a file may be written there.
-fn target(request: &SaveRequest, home: Option<&Path>) -> Result<PathBuf, Fault> {
-    let path = Path::new(&request.path);
+/// The real path of a named file, if a file with this content may be written there.
+fn target(path: &Path, replace: bool, content: &Content, home: Option<&Path>) -> Result<PathBuf, Fault> {
     let refuse = |why: &str| Fault::precondition(format!("{}: {why}", path.display()));
     let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
-        return Err(Fault::invalid(format!("`{}` names no file", request.path)));
+        return Err(Fault::invalid(format!("`{}` names no file", path.display())));
     };
-    if !path.is_absolute() || path.components().any(|part| matches!(part, Component::ParentDir)) {
-        return Err(Fault::invalid(format!("`{}` must be an absolute path without `..`", request.path)));
-    }
     // Links on the way are followed here, so that none leads around the next check.
     let folder = folder.canonicalize().map_err(|e| refuse(&format!("its folder: {e}")))?;
     let real = folder.join(name);
@@ -121,10 +125,10 @@ fn target(request: &SaveRequest, home: Option<&Path>) -> Result<PathBuf, Fault> 
     if below.is_some_and(|first| first.as_os_str().as_encoded_bytes().starts_with(b".")) {
         return Err(refuse("hidden files of the home folder are settings of programs; choose another place"));
     }
-    let wanted = match &request.content {
-        Some(Content::Project(_)) => Some("sgproj"),
-        Some(Content::Picture(_)) => Some("png"),
-        Some(Content::Gaussians(_)) | None => None,
+    let wanted = match content {
+        Content::Project(_) => Some("sgproj"),
+        Content::Picture(_) => Some("png"),
+        Content::Gaussians(_) => None,
     };
     if let Some(ending) = wanted.filter(|ending| !real.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))) {
         return Err(refuse(&format!("its name must end with .{ending}")));
@@ -133,7 +137,7 @@ fn target(request: &SaveRequest, home: Option<&Path>) -> Result<PathBuf, Fault> 
         if wanted == Some("sgproj") {
             return Err(refuse("a project is never replaced; choose another name"));
         }
-        if !request.replace {
+        if !replace {
             return Err(refuse("a file has this name already; nothing was written"));
         }
     }
@@ -204,14 +208,9 @@ async fn run(words: Vec<OsString>, context: &Context) -> Result<String, Fault> {
 
 #[cfg(test)]
 mod tests {
-    use sg_proto::bus::Code;
     use sg_proto::launch::{DrawnPicture, ProjectCopy};
 
     use super::*;
-
-    fn request(path: &Path, content: Content, replace: bool) -> SaveRequest {
-        SaveRequest { path: path.display().to_string(), replace, content: Some(content) }
-    }
 
     fn gaussians() -> Content {
         Content::Gaussians(GaussianChoice { part: GaussianPart::Visible.into(), unit: String::new() })
@@ -225,8 +224,8 @@ mod tests {
         std::os::unix::fs::symlink(at(".config"), at("link")).unwrap();
         std::fs::write(at("old.ply"), "ply").unwrap();
         std::fs::write(at("old.sgproj"), "").unwrap();
-        let asked = |path: &str, content, replace| {
-            target(&request(&at(path), content, replace), Some(home.path())).map_err(|fault| fault.message)
+        let asked = |path: &str, content: Content, replace| {
+            target(&at(path), replace, &content, Some(home.path())).map_err(|fault| fault.message)
         };
         assert_eq!(asked("new.ply", gaussians(), false).unwrap().file_name().unwrap(), "new.ply");
         assert!(asked("old.ply", gaussians(), true).is_ok());
@@ -240,13 +239,10 @@ mod tests {
             (".config/a.ply", gaussians(), false, "hidden files"),
             ("link/a.ply", gaussians(), false, "hidden files"),
             ("none/a.ply", gaussians(), false, "its folder: No such file"),
-            ("../a.ply", gaussians(), false, "without `..`"),
         ] {
             let refused = asked(path, content, replace).unwrap_err();
             assert!(refused.contains(said), "{path}: {refused}");
         }
-        let relative = target(&request(Path::new("a.ply"), gaussians(), false), None).unwrap_err();
-        assert_eq!(relative.code, Code::InvalidArgument);
     }
 
     #[test]

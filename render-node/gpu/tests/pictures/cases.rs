@@ -163,6 +163,9 @@ fn looks() -> Vec<Case> {
     }
     let recolored = harmonics(2);
     let all = every(recolored.len(), 2);
+    list.push(Case::of("harmonics, another palette", harmonics(2), view()).with(|a| {
+        a.base[0].palette = Vec3::new(0.24, 0.83, 0.24);
+    }));
     list.push(Case::of("harmonics, recoloured", recolored, view()).with(|a| {
         let color = Some(Vec3::new(0.83, 0.24, 0.24));
         a.units = vec![UnitAppearance { mask: all, color, opacity: 0.8, visible: true }];

@@ -12,6 +12,7 @@ use sg_raster::render::{Projection, render};
 use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
 
 use crate::cases;
 use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
@@ -288,6 +289,104 @@ fn an_engine_opens_a_lost_device_again() {
     assert_eq!(cores.name(), "cpu");
     let want = render(&scene, &look, &view, Standard).unwrap().image;
     assert_eq!(cores.draw(&look, &view, Standard).unwrap().image, want);
+}
+
+/// The same Gaussians, every third of them elsewhere, turned and larger.
+fn moved(scene: &Scene) -> Scene {
+    let mut moved = scene.clone();
+    let rows: Vec<usize> = (0..scene.len()).step_by(3).collect();
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7);
+    let map = DMat4::from_scale_rotation_translation(DVec3::splat(1.3), turn, DVec3::new(0.2, -0.1, 0.15));
+    assert!(moved.units[0].gaussians.transform(&rows, &map));
+    moved
+}
+
+/// Pictures of moved Gaussians are those of a renderer that has known no other place of them.
+#[test]
+fn a_renderer_shows_the_same_gaussians_elsewhere_as_a_new_one_does() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(&surface(3000, 5));
+    let (elsewhere, view) = (moved(&scene), [side_view(96, 64, 40.0)]);
+    let hidden = Arc::new(Mask::from_fn(scene.len(), |i| i % 5 == 0));
+    let mut look = Appearance::of(&scene);
+    look.units = vec![UnitAppearance { mask: hidden, color: Some(Vec3::X), opacity: 0.5, visible: true }];
+    let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+    for settings in [with(Rasterizer::Tiles), with(Rasterizer::Quads)] {
+        if settings.rasterizer != Rasterizer::Tiles && !renderer.blends_quads() {
+            continue;
+        }
+        let (before, _) = renderer.picture(&view, &look, settings).unwrap();
+        assert!(renderer.show(&elsewhere).unwrap());
+        let (after, _) = renderer.picture(&view, &look, settings).unwrap();
+        let (fresh, _) = Renderer::new(&gpu, &elsewhere).unwrap().picture(&view, &look, settings).unwrap();
+        assert!(after == fresh && after != before, "{settings:?}");
+        assert!(renderer.show(&scene).unwrap());
+        assert_eq!(renderer.picture(&view, &look, settings).unwrap().0, before, "{settings:?}: and back");
+    }
+    let other = crate::scenes::scene(&surface(2999, 5));
+    assert!(!renderer.show(&other).unwrap(), "another number of Gaussians needs another renderer");
+    assert_eq!(renderer.gaussians(), 3000);
+}
+
+/// An engine on the cores, and one on a device, draw moved Gaussians where they are.
+#[test]
+fn an_engine_follows_moved_gaussians() {
+    let scene = Arc::new(scene(&surface(2000, 7)));
+    let elsewhere = Arc::new(moved(&scene));
+    let (look, view) = (Appearance::of(&scene), side_view(64, 48, 40.0));
+    let want = render(&elsewhere, &look, &view, Exact).unwrap().image;
+    for backend in [Backend::Cpu, Backend::Gpu] {
+        if backend == Backend::Gpu && device().is_none() {
+            continue;
+        }
+        let mut engine = Engine::new(Arc::clone(&scene), backend, Some(Rasterizer::Tiles)).unwrap();
+        let before = engine.draw(&look, &view, Standard).unwrap().image;
+        engine.show(&elsewhere).unwrap();
+        assert!(std::ptr::eq(engine.scene(), &*elsewhere), "{backend:?}");
+        let after = engine.draw(&look, &view, Standard).unwrap().image;
+        assert!(decibel(&after, &want) > 50.0 && decibel(&before, &want) < 40.0, "{backend:?}");
+        engine.show(&scene).unwrap();
+        assert_eq!(engine.draw(&look, &view, Standard).unwrap().image, before, "{backend:?}");
+    }
+}
+
+/// A colour of trained splats is no flat disc: light and dark places stay where they are, by a palette as by a unit's colour.
+#[test]
+fn a_recoloured_trained_splat_keeps_its_texture() {
+    let mut unit = sg_scene::synthetic::samples::unit("splat", sg_scene::synthetic::samples::harmonic(600, 2, 11));
+    unit.gaussians.log_scale.iter_mut().for_each(|s| *s = Vec3::splat(-2.5));
+    unit.gaussians.opacity_logit.iter_mut().for_each(|o| *o = 4.0);
+    let scene = Scene::compose(vec![unit], None);
+    let view = sg_scene::framing::default_camera(&scene, 96, 96);
+    let own = Appearance::of(&scene);
+    let red = Vec3::new(0.8, 0.1, 0.1);
+    let mut palette = own.clone();
+    palette.base[0].palette = red;
+    let mut unit = own.clone();
+    let all = Arc::new(Mask::full(scene.len()));
+    unit.units = vec![UnitAppearance { mask: all, color: Some(red), opacity: 1.0, visible: true }];
+    let picture = |look: &Appearance| render(&scene, look, &view, Exact).unwrap().image;
+    let (own, palette, unit) = (picture(&own), picture(&palette), picture(&unit));
+    assert_eq!(palette, unit, "a palette and a unit's colour do the same");
+    let covered = |k: usize| own.rgba[4 * k + 3] > 0.9;
+    let brightness = |image: &Image, k: usize| {
+        let [r, g, b] = [0, 1, 2].map(|c| f64::from(image.rgba[4 * k + c]));
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let places: Vec<usize> = (0..96 * 96).filter(|k| covered(*k)).collect();
+    assert!(places.len() > 500, "{}", places.len());
+    for k in &places {
+        let [r, g] = [0, 1].map(|c| unit.rgba[4 * k + c]);
+        assert!(r > 4.0 * g, "{k}: {r} {g} has the hue of the colour");
+    }
+    let mean = |image: &Image| places.iter().map(|k| brightness(image, *k)).sum::<f64>() / places.len() as f64;
+    let (a, b) = (mean(&own), mean(&unit));
+    let sum = |f: &dyn Fn(f64, f64) -> f64| {
+        places.iter().map(|k| f(brightness(&own, *k) - a, brightness(&unit, *k) - b)).sum::<f64>()
+    };
+    let correlation = sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt();
+    let contrast = (sum(&|_, y| y * y) / places.len() as f64).sqrt() / b;
+    assert!(correlation > 0.9 && contrast > 0.05, "correlation {correlation}, contrast {contrast}");
 }
 
 #[test]

@@ -53,7 +53,7 @@ const HEADSET_MARKER: &str = "headset";
 /// An error if no display opens on this machine, or if the bus fails.
 pub(super) async fn open(
     host: &Host,
-    scene: Scene,
+    scene: Arc<Scene>,
     replica: SceneReplica<Replica>,
     params: &Params,
 ) -> Result<(), StartError> {
@@ -66,8 +66,7 @@ pub(super) async fn open(
     let (opened_sender, opened_receiver) = oneshot::channel();
     let run_dir = host.run_dir().to_owned();
     let scratch = host.blobs().folder().to_owned();
-    let setup =
-        DisplaySetup { scene: Arc::new(scene), view_port, params: params.clone(), run_dir, scratch, opened_sender };
+    let setup = DisplaySetup { scene, view_port, params: params.clone(), run_dir, scratch, opened_sender };
     let (ended, thread) = run(host.clone(), setup, &writer)?;
     let OpenDisplay { display, blocked_call } = tokio::select! {
         opened = opened_receiver => match opened {
@@ -238,7 +237,7 @@ fn run_window(setup: DisplaySetup) -> Result<(), StartError> {
     let named = params.title.clone().or(of_file);
     let named = named.unwrap_or_else(|| last_parts(&view_port.newest().scene.geometry().path));
     let title = format!("{named} - Super-Gaussian");
-    let open = || Engine::new(Scene::clone(&scene), params.backend, params.rasterizer);
+    let open = || Engine::new(Arc::clone(&scene), params.backend, params.rasterizer);
     let engine = window::at_low_priority(open)
         .map_err(|e| StartError::Failed(e.to_string()))?
         .map_err(|e| StartError::Input(e.to_string()))?;
@@ -325,6 +324,7 @@ async fn tell(
         let now = ending.writer.frame_stats();
         state_message.revision = now.revision;
         (state_message.frames, state_message.shown, state_message.late) = (now.pictures, now.frames, now.late);
+        [state_message.width, state_message.height] = now.size;
         state_message.render_ms = 1e3 * now.seconds;
         if !now.engine.is_empty() {
             state_message.engine = now.engine;

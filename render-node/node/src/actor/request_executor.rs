@@ -7,6 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use sg_input::number_format::grouped;
+use sg_input::short_path;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Source, Utterance};
@@ -93,7 +94,7 @@ impl RequestExecutor {
             Request::Forget => forget(writer),
             Request::Propose(count) => report_failure(writer, propose(bus, writer, count).await),
             Request::Say(text) => *utterance_id = Some(say(bus, writer, text)),
-            Request::Open(path) => match open(bus, &path).await {
+            Request::Open(path, spacing) => match open(bus, &path, spacing).await {
                 Ok(reply) => writer.notice(opens(&path, &reply), false),
                 Err(fault) => report_failure(writer, Err(fault)),
             },
@@ -189,8 +190,9 @@ fn show(writer: &StateWriter, before: &mut Arc<Mask>, reply: &SampleReply) {
 }
 
 /// Opens a scene or volume in a window of its own.
-async fn open(bus: &Bus, path: &Path) -> Result<OpenReply, Fault> {
-    let request = OpenRequest { path: path.display().to_string() };
+async fn open(bus: &Bus, path: &Path, spacing: Option<[f64; 3]>) -> Result<OpenReply, Fault> {
+    let spacing = spacing.map_or_else(Vec::new, |spacing| spacing.to_vec());
+    let request = OpenRequest { path: path.display().to_string(), spacing };
     bus.ask(&keys::OPEN, &request, &Context::root().deadline_in(OPEN_TIMEOUT)).await
 }
 
@@ -210,7 +212,7 @@ fn save(bus: &Bus, writer: &StateWriter, request: SaveRequest) {
         let saved = match tokio::time::timeout(SAVE_PATIENCE, &mut saving).await {
             Ok(saved) => saved,
             Err(_) => {
-                writer.notice(format!("Saving {}…", short(Path::new(&request.path))), false);
+                writer.notice(format!("Saving {}…", short_path(Path::new(&request.path))), false);
                 saving.await
             }
         };
@@ -227,7 +229,7 @@ fn save(bus: &Bus, writer: &StateWriter, request: SaveRequest) {
 
 /// The notice for a saved file.
 fn saved_line(request: &SaveRequest, reply: &SaveReply) -> String {
-    let path = short(Path::new(&request.path));
+    let path = short_path(Path::new(&request.path));
     match &request.content {
         Some(Content::Gaussians(_)) => {
             format!("Saved {} splats to {path}", grouped(reply.gaussians))
@@ -235,15 +237,6 @@ fn saved_line(request: &SaveRequest, reply: &SaveReply) -> String {
         Some(Content::Project(_)) => format!("Saved a copy of the project to {path}"),
         Some(Content::Picture(_)) => format!("Saved the picture to {path}"),
         None => format!("Saved {path}"),
-    }
-}
-
-/// A path for people: `~` stands for the home folder.
-fn short(path: &Path) -> String {
-    let home = std::env::home_dir().filter(|home| home.parent().is_some());
-    match home.and_then(|home| path.strip_prefix(home).ok().map(Path::to_owned)) {
-        Some(rest) => format!("~/{}", rest.display()),
-        None => path.display().to_string(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Appearance of the scene in one display: its look, the highlight, and views of its structure.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use glam::Vec3;
 use sg_edit::EditState;
@@ -28,6 +28,8 @@ pub struct AppearanceBuilder {
 
 #[derive(Debug)]
 struct CachedColors {
+    /// The scene of the colours; a weak pointer keeps its address from another one.
+    scene: Weak<Scene>,
     display_mode: DisplayMode,
     clusters: Option<Arc<[u32]>>,
     colors: Colors,
@@ -39,7 +41,7 @@ impl AppearanceBuilder {
     #[must_use]
     pub fn build(
         &mut self,
-        scene: &Scene,
+        scene: &Arc<Scene>,
         state: &EditState,
         selected: &Arc<Mask>,
         clusters: Option<&Clusters>,
@@ -53,11 +55,14 @@ impl AppearanceBuilder {
             appearance.overlay =
                 Some(Overlay { mask, color: highlight, mix: highlight_mix, opacity: highlight_opacity });
         }
-        let known = |k: &CachedColors| k.display_mode == tools.display_mode && same(k.clusters.as_ref(), clusters);
+        let shown = |k: &CachedColors| k.scene.as_ptr() == Arc::as_ptr(scene);
+        let known =
+            |k: &CachedColors| shown(k) && k.display_mode == tools.display_mode && same(k.clusters.as_ref(), clusters);
         if !self.cached.as_ref().is_some_and(known) {
             // A scene without the attribute keeps its own colours.
             let colors = colors_of(scene, clusters.map(AsRef::as_ref), tools.display_mode).unwrap_or_default();
-            self.cached = Some(CachedColors { display_mode: tools.display_mode, clusters: clusters.cloned(), colors });
+            let (display_mode, clusters) = (tools.display_mode, clusters.cloned());
+            self.cached = Some(CachedColors { scene: Arc::downgrade(scene), display_mode, clusters, colors });
         }
         appearance.colors = self.cached.as_ref().and_then(|k| k.colors.0.clone());
         appearance

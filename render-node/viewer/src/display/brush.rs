@@ -79,6 +79,11 @@ impl BrushController {
         Self { brush, bounds, gaussians, strokes: 0, name: name.into(), active: None, eye: None }
     }
 
+    /// Brushes over the same Gaussians, some of them elsewhere.
+    pub fn set_brush(&mut self, brush: Arc<Brush>) {
+        self.brush = brush;
+    }
+
     /// The radius in the scene's length unit.
     #[must_use]
     pub fn radius(&self, tools: &Tools) -> f64 {

@@ -27,6 +27,8 @@ pub struct FrameStats {
     pub engine: String,
     /// Scene revision of the newest frame.
     pub revision: u64,
+    /// Width and height of the picture in the display, pixels; 0 where it has no one size.
+    pub size: [u32; 2],
 }
 
 /// State that both ends of the channel share.

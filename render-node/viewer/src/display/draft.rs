@@ -39,6 +39,17 @@ impl Drafts {
         self.held = Some(Draft { action, asked: Some((revision, Instant::now() + SETTLES)), made: None });
     }
 
+    /// The hand gives its change up.
+    pub fn drop_held(&mut self) {
+        self.held.take_if(|draft| draft.asked.is_none());
+    }
+
+    /// Whether a hand is at a change that was not requested.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held.as_ref().is_some_and(|draft| draft.asked.is_none())
+    }
+
     /// Whether the display shows exactly the scene's state.
     #[must_use]
     pub fn is_empty(&self) -> bool {

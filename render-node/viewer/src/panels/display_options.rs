@@ -1,6 +1,6 @@
 //! Display options: the visible parts of the scene, and their look.
 
-use egui::{Checkbox, Ui};
+use egui::{Checkbox, RichText, Ui};
 
 use super::control::{Number, choice, labelled_button};
 use super::icon::Icon;
@@ -30,16 +30,18 @@ impl Panels {
         };
         ui.horizontal_wrapped(|ui| {
             offer(ui, tools, "scene", DisplayMode::Scene);
-            if let Some(clusters) = &state.clusters {
+            if state.clusters.is_some() {
                 offer(ui, tools, "Super-Gaussians", DisplayMode::Clusters);
                 // Lines are drawn only into pictures of the software renderer; a headset has none.
                 if self.host == PanelHost::Window {
                     offer(ui, tools, "outlines of Super-Gaussians", DisplayMode::Outlines);
                 }
                 offer(ui, tools, "along the first component", DisplayMode::FirstComponent);
-                ui.label(format!("{} Super-Gaussians", count(clusters.count())));
             }
         });
+        if let Some(clusters) = &state.clusters {
+            ui.label(RichText::new(format!("{} Super-Gaussians", count(clusters.count()))).weak());
+        }
         ui.label("attributes of Gaussians");
         ui.horizontal_wrapped(|ui| {
             for attribute in ATTRIBUTES {

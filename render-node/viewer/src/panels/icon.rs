@@ -28,6 +28,8 @@ pub(crate) enum Icon {
     Sphere,
     /// A cube seen obliquely.
     Cube,
+    /// Three arrows from a square.
+    Move,
     /// A whole outline with its filled middle.
     Region,
     /// One of four patches.
@@ -101,6 +103,17 @@ fn lines(icon: Icon) -> Option<Lines> {
                 &[(0.8, -0.8), (0.8, 0.3), (0.3, 0.8)],
             ],
             &[],
+        ),
+        Icon::Move => (
+            &[
+                &[(-0.3, 0.3), (-0.3, -0.9)],
+                &[(-0.6, -0.6), (-0.3, -0.9), (0.0, -0.6)],
+                &[(-0.3, 0.3), (0.9, 0.3)],
+                &[(0.6, 0.0), (0.9, 0.3), (0.6, 0.6)],
+                &[(-0.3, 0.3), (-0.85, 0.85)],
+                &[(-0.85, 0.45), (-0.85, 0.85), (-0.45, 0.85)],
+            ],
+            &[(-0.3, 0.3, 0.22, true)],
         ),
         Icon::Region => (&[], &[(0.0, 0.0, 0.9, false), (0.0, 0.0, 0.45, true)]),
         Icon::Patch => (

@@ -7,6 +7,7 @@ use sg_proto::limits::MAX_UTTERANCE_BYTES;
 
 use super::control::{button_width, scale};
 use super::icon::Icon;
+use super::last_turn::LastTurn;
 use super::output::Output;
 use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
@@ -124,20 +125,6 @@ fn offered(scene: &EditState) -> Vec<String> {
         if is_plain { format!("make the {name} blue") } else { format!("make \"{name}\" blue") }
     });
     about.into_iter().chain(["what is there?".to_owned(), "turn it to the left".to_owned()]).collect()
-}
-
-/// State of the newest turn: when it differs, there is something new to read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct LastTurn {
-    id: String,
-    entries: usize,
-    answered: bool,
-}
-
-impl LastTurn {
-    fn of(turn: &Turn) -> Self {
-        Self { id: turn.id.clone(), entries: turn.entries.len(), answered: turn.answer.is_some() }
-    }
 }
 
 /// Inputs to a turn's height, and the resulting height.

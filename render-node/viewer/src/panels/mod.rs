@@ -39,6 +39,7 @@ mod history;
 mod icon;
 mod keyboard;
 mod language;
+mod last_turn;
 mod legend;
 mod light;
 mod output;
@@ -93,6 +94,11 @@ impl Panels {
     #[must_use]
     pub fn is_typing(&self) -> bool {
         self.text_input.field().is_some()
+    }
+
+    /// Whether a text field gets the focus as soon as it is drawn.
+    pub(crate) fn awaits_letters(&self) -> bool {
+        self.text_input.is_awaited()
     }
 
     /// Has letters go to the name of a new unit as soon as that is drawn.

@@ -6,7 +6,7 @@ use sg_edit::UnitRef;
 use sg_proto::scene::command::Action;
 use sg_raster::attributes;
 
-use super::language::LastTurn;
+use super::last_turn::LastTurn;
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
 use super::transfer::Curve;

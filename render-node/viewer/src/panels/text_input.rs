@@ -89,6 +89,11 @@ impl TextInput {
         self.version += 1;
     }
 
+    /// Whether some field gets the focus at its next frame.
+    pub(super) fn is_awaited(&self) -> bool {
+        self.wanted.is_some()
+    }
+
     /// Whether a field gets the focus at its next frame.
     pub(super) fn wants(&self, field: Field) -> bool {
         self.wanted == Some(field)

@@ -109,7 +109,8 @@ impl Panels {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
-                color: Some(base.palette),
+                // The palette of a trained scene is black: its Gaussians have colours of their own.
+                color: Some(base.palette).filter(|palette| *palette != Vec3::ZERO),
                 opacity: base.opacity,
                 visible: base.visible,
                 locked: base.locked,
@@ -213,8 +214,18 @@ impl Panels {
             if slider > 0.0 && bare_slider(ui, &what, &mut opacity, 0.0..=1.0, slider).changed() {
                 self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
+            let mean = state.scene.mean_opacity(row.unit);
+            if mean.is_none() {
+                let (gone, why) = if state.scene.deleted().is_none() {
+                    ("empty", "it holds no Gaussian")
+                } else {
+                    ("gone", "all of its Gaussians are deleted; undo and “restore deleted” bring them back")
+                };
+                cell(ui, NUMBER * scale(ui), Align::Max, RichText::new(gone).weak()).on_hover_text(why);
+                return;
+            }
             // A hidden unit keeps the number that it will be shown with.
-            let effective = state.scene.mean_opacity(row.unit).filter(|_| row.visible).map_or(opacity, f64::from);
+            let effective = mean.filter(|_| row.visible).map_or(opacity, f64::from);
             let is_changed_by_others = (effective - opacity).abs() > 0.005;
             let number = RichText::new(percent(effective));
             let number = if is_changed_by_others { number.strong() } else { number.weak() };

@@ -94,6 +94,11 @@ pub(super) struct EyeRenderer {
 }
 
 impl EyeRenderer {
+    /// Draws the same Gaussians from now on, some of them elsewhere. The upload waits for the device: a frame or two are late.
+    pub(super) fn show(&mut self, scene: &Scene) -> Result<bool, GpuError> {
+        self.renderer.show(scene)
+    }
+
     /// Uploads a scene to the headset's device; `None` while the runtime is away. A trial follows, see [`Self::prepare`].
     ///
     /// `given` is the rasterizer of the launch file. A software device has no trial: it would take minutes, and

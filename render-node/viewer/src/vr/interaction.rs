@@ -147,6 +147,14 @@ impl Interaction {
     }
 
     /// The search tree of the brushes.
+    /// Brushes over the same Gaussians, some of them elsewhere.
+    pub(super) fn set_brush(&mut self, brush: &Arc<Brush>) {
+        self.search_tree = Arc::clone(brush);
+        for hand in &mut self.brushes {
+            hand.set_brush(Arc::clone(brush));
+        }
+    }
+
     pub(super) fn search_tree(&self) -> Arc<Brush> {
         Arc::clone(&self.search_tree)
     }

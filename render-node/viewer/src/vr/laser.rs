@@ -24,6 +24,8 @@ pub(super) type Ray = (DVec3, DVec3);
 
 /// Rays of both hands through a scene of this look.
 struct Job {
+    scene: Arc<Scene>,
+    brush: Arc<Brush>,
     appearance: Appearance,
     rays: [Option<Ray>; 2],
 }
@@ -32,15 +34,22 @@ struct Job {
 pub(super) struct SceneHits {
     /// `None` if the system gives no thread: then rays meet panels alone.
     worker: Option<LatestWorker<Job, [Option<DVec3>; 2]>>,
+    scene: Arc<Scene>,
+    brush: Arc<Brush>,
     newest: [Option<DVec3>; 2],
 }
 
 impl SceneHits {
     pub(super) fn new(scene: Arc<Scene>, brush: Arc<Brush>) -> Self {
-        let work = move |Job { appearance, rays }: Job| rays.map(|ray| hit(&scene, &brush, &appearance, ray?));
+        let work = |Job { scene, brush, appearance, rays }: Job| rays.map(|ray| hit(&scene, &brush, &appearance, ray?));
         let worker = LatestWorker::new("aims", work, || ());
         let worker = worker.inspect_err(|e| tracing::warn!("rays do not meet the scene: no thread for them: {e}"));
-        Self { worker: worker.ok(), newest: [None; 2] }
+        Self { worker: worker.ok(), scene, brush, newest: [None; 2] }
+    }
+
+    /// Meets the same Gaussians from now on, some of them elsewhere.
+    pub(super) fn show_scene(&mut self, scene: Arc<Scene>, brush: Arc<Brush>) {
+        (self.scene, self.brush) = (scene, brush);
     }
 
     /// Asks for the hits of these rays, and returns the newest ones that are known: a frame or two old.
@@ -50,7 +59,8 @@ impl SceneHits {
                 self.newest = hits;
             }
             if rays.iter().any(Option::is_some) {
-                worker.submit(Job { appearance: appearance.clone(), rays });
+                let (scene, brush) = (Arc::clone(&self.scene), Arc::clone(&self.brush));
+                worker.submit(Job { scene, brush, appearance: appearance.clone(), rays });
             }
         }
         for (newest, ray) in self.newest.iter_mut().zip(&rays) {

@@ -20,12 +20,14 @@ mod screenshots;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use sg_edit::EditState;
 use sg_scene::model::{Scene, SceneBox};
 
 use crate::display::frame_trace::SessionVisibility;
 use crate::display::number_format::percent;
 use crate::display::{
-    AppearanceBuilder, Drafts, FrameStats, RecordedFrame, Request, Tools, TraceRecorder, ViewPort, ViewState,
+    AppearanceBuilder, Drafts, FollowedScene, FrameStats, RecordedFrame, Request, SceneFollower, Tools, TraceRecorder,
+    ViewPort, ViewState,
 };
 use crate::hands::{Bookmarks, ComfortVignette, HandInput, Origin, Placement, Rectangle, Side, Stance};
 use crate::panels::{DisplayAction, Output, Panel, PanelHost, Panels};
@@ -69,7 +71,9 @@ pub struct Setup {
 
 /// A room.
 pub struct VrView {
+    /// The scene with Gaussians where edits put them, and what finds it; `None` if the system gives no thread for it.
     scene: Arc<Scene>,
+    follower: Option<SceneFollower>,
     view_port: ViewPort,
     tools: Tools,
     drafts: Drafts,
@@ -122,6 +126,9 @@ impl VrView {
             tracing::warn!("no curve is shown: {problem}");
         }
         tools.surroundings = headset.wants_surroundings();
+        let followed = SceneFollower::new(Arc::clone(&scene), Arc::clone(&view_port.newest().scene), || ());
+        let followed = followed.inspect_err(|e| tracing::warn!("moved Gaussians stay: no thread to follow them: {e}"));
+        let (follower, scene) = followed.map_or((None, scene), |(follower, placed)| (Some(follower), placed));
         let recorder = frame_traces.and_then(|folder| {
             let begun = TraceRecorder::begin(&folder);
             begun.inspect_err(|e| tracing::warn!("{}: {e}; frames are not recorded", folder.display())).ok()
@@ -137,6 +144,7 @@ impl VrView {
             panel_layers: PanelLayers::new(stance(&tools), headset.origin()),
             markers: MarkerOverlay::default(),
             scene,
+            follower,
             view_port,
             tools,
             drafts: Drafts::default(),
@@ -351,6 +359,7 @@ impl VrView {
             self.jumped = true;
         }
         let drafted = self.drafts.over(&self.scene, &newest.scene);
+        self.follow(&drafted);
         let notices = self.screenshots.with_notices(&newest.notices);
         let state = ViewState { scene: drafted, notices, ..ViewState::clone(&newest) };
         let hands = frame.hands;
@@ -395,6 +404,25 @@ impl VrView {
         self.frames += 1;
         self.revision = state.scene.revision();
         Ok(())
+    }
+
+    /// Shows Gaussians where a state has them, once their places are known.
+    fn follow(&mut self, state: &Arc<EditState>) {
+        let followed = self.follower.as_mut().and_then(|follower| follower.follow(state, false));
+        let Some(FollowedScene { scene, brush: Some(brush) }) = followed else { return };
+        self.interaction.set_brush(&brush);
+        self.hits.show_scene(Arc::clone(&scene), brush);
+        self.screenshots.show_scene(Arc::clone(&scene));
+        self.scene = scene;
+        // Without a renderer, and where its device fails, the next one is made of the new places.
+        match self.eyes.as_mut().map(|eyes| eyes.show(&self.scene)) {
+            Some(Ok(true)) | None => (),
+            Some(Ok(false)) => self.eyes = None,
+            Some(Err(error)) => {
+                tracing::warn!("the scene is uploaded again: {error}");
+                self.eyes = None;
+            }
+        }
     }
 
     /// Finds what the hands' lasers meet: a panel, else the scene's front. A hand that draws or holds has no laser.
@@ -528,6 +556,7 @@ impl VrView {
             seconds: timing.work,
             engine: self.eyes.as_ref().map(engine).unwrap_or_default(),
             revision: self.revision,
+            size: [0, 0],
         });
     }
 }

@@ -54,13 +54,17 @@ impl Screenshots {
         Self { scene, folder, exporter: None, lines: Vec::new(), count: 0, joined: None }
     }
 
+    /// Pictures the same Gaussians from now on, some of them elsewhere.
+    pub(super) fn show_scene(&mut self, scene: Arc<Scene>) {
+        self.scene = scene;
+    }
+
     /// Begins a picture of what a head sees of the placed scene. It replaces one that waits.
     pub(super) fn take(&mut self, head: &Pose, placement: &Placement, appearance: Appearance) {
         if self.exporter.is_none() {
-            let made = window::threads().map_err(|e| e.to_string()).and_then(|pool| {
-                let (scene, folder) = (Arc::clone(&self.scene), self.folder.clone());
-                Exporter::new(scene, folder, pool, || ()).map_err(|e| e.to_string())
-            });
+            let made = window::threads()
+                .map_err(|e| e.to_string())
+                .and_then(|pool| Exporter::new(self.folder.clone(), pool, || ()).map_err(|e| e.to_string()));
             match made {
                 Ok(exporter) => self.exporter = Some(exporter),
                 Err(error) => {
@@ -72,7 +76,7 @@ impl Screenshots {
         if let Some(exporter) = &self.exporter {
             let camera = camera(head, placement, &appearance);
             let finish = Finish::to_look_at(appearance.background, false);
-            exporter.export(ExportJob::Picture(Box::new(camera), appearance, finish));
+            exporter.export(&self.scene, ExportJob::Picture(Box::new(camera), appearance, finish));
         }
     }
 

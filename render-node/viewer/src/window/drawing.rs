@@ -31,6 +31,7 @@ const NICE: i32 = 10;
 /// A requested picture.
 #[derive(Debug, Clone)]
 pub(super) struct PictureJob {
+    pub(super) scene: Arc<Scene>,
     /// One camera, or two with their pictures side by side.
     pub(super) cameras: Vec<Camera>,
     pub(super) appearance: Appearance,
@@ -68,9 +69,13 @@ pub(super) struct DrawnPicture {
     pub(super) drawn_by: Option<Gpu>,
 }
 
+/// What a front surface is found for.
+pub(super) type FrontJob = (Arc<Scene>, Camera, Appearance);
+
 /// The front surface at every pixel of a picture.
 #[derive(Debug, Clone)]
 pub(super) struct FrontSurface {
+    scene: Arc<Scene>,
     /// The window's camera, not that of the ids.
     camera: Camera,
     appearance: Appearance,
@@ -105,6 +110,7 @@ fn whole_size(cameras: &[Camera]) -> [u32; 2] {
 }
 
 fn draw(engine: &mut Engine, shared_texture: &mut Option<SharedTexture>, job: &PictureJob) -> Result<Picture, String> {
+    engine.show(&job.scene).map_err(|e| e.to_string())?;
     let cameras: Vec<_> = job.cameras.iter().map(|camera| preview(camera, job.level.scale)).collect();
     let options = Options { projection: job.projection, ..job.level.quality.into() };
     let background = job.appearance.background;
@@ -150,17 +156,16 @@ fn side_by_side(images: &[Image], background: Vec3, finish: &Finish) -> ColorIma
     ColorImage::new([width, height], pixels)
 }
 
-/// Finds the front surface for cameras and appearances on `pool`; calls `wake` after each.
+/// Finds the front surface for scenes, cameras and appearances on `pool`; calls `wake` after each.
 pub(super) fn fronts(
-    scene: Arc<Scene>,
     pool: Arc<rayon::ThreadPool>,
     wake: impl Fn() + Send + 'static,
-) -> std::io::Result<LatestWorker<(Camera, Appearance), Option<FrontSurface>>> {
-    let work = move |(camera, appearance): (Camera, Appearance)| {
+) -> std::io::Result<LatestWorker<FrontJob, Option<FrontSurface>>> {
+    let work = move |(scene, camera, appearance): FrontJob| {
         let small = scaled(&camera, FRONT_SCALE);
         let found = pool.install(|| front_ids(&scene, &appearance, &small, Projection::Affine, SURFACE));
         // A picture that cannot be drawn says so itself.
-        found.ok().map(|(ids, _)| FrontSurface { camera, appearance, ids })
+        found.ok().map(|(ids, _)| FrontSurface { scene, camera, appearance, ids })
     };
     LatestWorker::new("finds-front", work, wake)
 }
@@ -177,7 +182,7 @@ impl FrontSurface {
     }
 
     /// The front surface at a pixel of the window's picture.
-    pub(super) fn at(&self, scene: &Scene, at: DVec2) -> Option<Hit> {
+    pub(super) fn at(&self, at: DVec2) -> Option<Hit> {
         let scale = DVec2::new(
             f64::from(self.ids.width) / f64::from(self.camera.width),
             f64::from(self.ids.height) / f64::from(self.camera.height),
@@ -187,7 +192,7 @@ impl FrontSurface {
             return None;
         }
         let id = self.ids.at(place.x as u32, place.y as u32)?;
-        hit_of(scene, &self.appearance, &self.camera, id, at)
+        hit_of(&self.scene, &self.appearance, &self.camera, id, at)
     }
 }
 

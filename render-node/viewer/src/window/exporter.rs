@@ -69,7 +69,7 @@ pub(crate) enum ExportResult {
 /// Keeps pictures.
 #[derive(Debug)]
 pub(crate) struct Exporter {
-    worker: LatestWorker<(ExportJob, Arc<AtomicBool>), Result<ExportResult, String>>,
+    worker: LatestWorker<(Arc<Scene>, ExportJob, Arc<AtomicBool>), Result<ExportResult, String>>,
     /// Whether a turn is queued or under way.
     is_turning: Arc<AtomicBool>,
     /// Finished pictures of the current turn.
@@ -87,9 +87,8 @@ impl Drop for Exporter {
 }
 
 impl Exporter {
-    /// A keeper that puts pictures of `scene` into `folder`, on `pool`.
+    /// A keeper that puts pictures into `folder`, on `pool`.
     pub(crate) fn new(
-        scene: Arc<Scene>,
         folder: PathBuf,
         pool: Arc<rayon::ThreadPool>,
         wake: impl Fn() + Send + 'static,
@@ -98,7 +97,7 @@ impl Exporter {
         let in_video_count = Arc::new(AtomicU32::new(0));
         let is_turning = Arc::new(AtomicBool::new(false));
         let (counted, in_video, turning) = (Arc::clone(&done), Arc::clone(&in_video_count), Arc::clone(&is_turning));
-        let work = move |(job, stop): (ExportJob, Arc<AtomicBool>)| {
+        let work = move |(scene, job, stop): (Arc<Scene>, ExportJob, Arc<AtomicBool>)| {
             let exported = pool.install(|| exported(&scene, &folder, job, (&counted, &stop)));
             let exported = exported.map(|exported| match exported {
                 Exported::Picture(path) => ExportResult::Saved(format!("saved {}", path.display())),
@@ -117,8 +116,8 @@ impl Exporter {
         Ok(Self { worker, is_turning, done, in_video_count, cancelled: Mutex::default() })
     }
 
-    /// Queues an export; it replaces a queued one that has not begun.
-    pub(crate) fn export(&self, job: ExportJob) {
+    /// Queues an export of pictures of `scene`; it replaces a queued one that has not begun.
+    pub(crate) fn export(&self, scene: &Arc<Scene>, job: ExportJob) {
         let stop = Arc::new(AtomicBool::new(false));
         let mut cancelled = self.cancelled.lock().unwrap_or_else(PoisonError::into_inner);
         cancelled.retain(|one| one.strong_count() > 0);
@@ -126,7 +125,7 @@ impl Exporter {
         if matches!(job, ExportJob::Turn(..)) {
             self.is_turning.store(true, Ordering::Relaxed);
         }
-        self.worker.submit((job, stop));
+        self.worker.submit((Arc::clone(scene), job, stop));
     }
 
     /// Cancels all exports. A turn that is being drawn ends with its present picture, a video at once.

@@ -9,6 +9,7 @@ use sg_proto::launch::save_request::Content;
 use sg_proto::launch::{DrawnPicture, GaussianChoice, GaussianPart, ProjectCopy, SaveRequest};
 use sg_proto::limits::MAX_PICTURE_PIXELS;
 use sg_raster::finish::{Backdrop, Finish};
+use sg_volume::lacks_spacing;
 
 use super::exporter::{ExportJob, ExportResult};
 use super::file_dialog::ChosenFile;
@@ -16,6 +17,7 @@ use super::file_drop::{self, DroppedFile};
 use super::file_purpose::FilePurpose;
 use super::recent_files::{self, RecentFile};
 use super::shortcuts::{Action, SHORTCUTS};
+use super::spacing_dialog::SpacingAnswer;
 use super::window_files::{PictureOptions, WindowFiles};
 use super::window_ui::WindowUi;
 use crate::display::number_format::count;
@@ -153,8 +155,12 @@ impl WindowUi {
         self.file_menu.dialogs.ask(FilePurpose::Export(choice), suggested);
     }
 
-    /// Shows the open dialog, and does what the chosen file is for.
+    /// Shows the open dialogs, and does what the chosen file is for.
     pub(super) fn take_chosen_file(&mut self, ui: &Ui, state: &ViewState, requests: &mut Vec<Request>) {
+        if let Some(SpacingAnswer { path, spacing }) = self.file_menu.spacing.show(ui.ctx()) {
+            self.line = format!("opening {}", path.display());
+            requests.push(Request::Open(path, spacing));
+        }
         let Some(chosen) = self.file_menu.dialogs.show(ui.ctx(), self.tools.scale) else { return };
         self.file_menu.last_folder = chosen.path.parent().map(Path::to_owned);
         let is_project = chosen.is_project();
@@ -193,14 +199,10 @@ impl WindowUi {
         let backdrop = if transparent { Backdrop::Transparent } else { finish.backdrop };
         let finish = Finish { backdrop, ..finish };
         self.line = format!("drawing {}", path.display());
-        self.exporter.export(ExportJob::NamedPicture {
-            camera: Box::new(camera),
-            appearance,
-            finish,
-            folder,
-            path,
-            replace,
-        });
+        self.exporter.export(
+            &self.scene,
+            ExportJob::NamedPicture { camera: Box::new(camera), appearance, finish, folder, path, replace },
+        );
     }
 
     /// Takes the result of an export. A picture with a name goes on its way to it.
@@ -218,7 +220,7 @@ impl WindowUi {
         };
     }
 
-    /// Looks from a camera's file; opens another file in a window of its own.
+    /// Looks from a camera's file; opens another file in a window of its own. Asks for the spacing of a raw volume first.
     pub(super) fn open_file(&mut self, path: PathBuf, requests: &mut Vec<Request>) {
         let view = &mut self.scene_view.navigator.view;
         self.line = match file_drop::read(&path, view.target) {
@@ -226,9 +228,14 @@ impl WindowUi {
                 *view = seen;
                 format!("view from {}", path.display())
             }
+            Ok(DroppedFile::Other) if lacks_spacing(&path) => {
+                let line = format!("{} needs the lengths of its voxels", path.display());
+                self.file_menu.spacing.ask(path);
+                line
+            }
             Ok(DroppedFile::Other) => {
                 let line = format!("opening {}", path.display());
-                requests.push(Request::Open(path));
+                requests.push(Request::Open(path, None));
                 line
             }
             Err(why) => why,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Rect, Shape, Ui, Vec2};
+use egui::{Color32, Rect, Shape, Vec2};
 use glam::DVec3;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
@@ -10,12 +10,10 @@ use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::subject::Subject;
 
-use super::occlusion::visible_parts;
-use super::scale_bar::{LABELS, outlined_text, round_length};
-use super::scene_lines::LineStyle;
-use super::scene_view::SceneView;
+use super::occlusion::{is_requested, visible_parts};
+use super::scale_bar::{LABELS, round_length};
+use crate::display::LatestWorker;
 use crate::display::number_format::number;
-use crate::display::{LatestWorker, Tools, ViewState};
 
 /// Least number of cells along the box's longer side on the ground.
 const CELLS: f64 = 5.0;
@@ -24,19 +22,19 @@ const CELLS: f64 = 5.0;
 const FARTHEST: f64 = 1e9;
 
 /// Points from the picture's left and lower edges to the label, above the scale bar.
-const INSET: Vec2 = Vec2::new(18.0, 56.0);
+pub(super) const INSET: Vec2 = Vec2::new(18.0, 56.0);
 
 /// A grid on the ground below a box, scene coordinates.
 #[derive(Debug, Clone, PartialEq)]
-struct Ground {
+pub(super) struct Ground {
     /// Distance between neighbouring lines: 1, 2 or 5 times a power of ten.
-    step: f64,
-    lines: Vec<[DVec3; 2]>,
+    pub(super) step: f64,
+    pub(super) lines: Vec<[DVec3; 2]>,
 }
 
 /// The grid that covers a box's lowest side, with lines at multiples of its step. `None` for a box without extent across `up`,
 /// or one too far from the origin.
-fn ground(bounds: SceneBox, up: Axis) -> Option<Ground> {
+pub(super) fn ground(bounds: SceneBox, up: Axis) -> Option<Ground> {
     let up = up.vector();
     let lowest = if up.element_sum() > 0.0 { bounds.min } else { bounds.max };
     let level = up.abs() * lowest;
@@ -59,7 +57,7 @@ fn ground(bounds: SceneBox, up: Axis) -> Option<Ground> {
 }
 
 /// The edges of a box.
-fn edges(bounds: SceneBox) -> impl Iterator<Item = [DVec3; 2]> {
+pub(super) fn edges(bounds: SceneBox) -> impl Iterator<Item = [DVec3; 2]> {
     let corner =
         move |k: u32| DVec3::select(glam::BVec3::new(k & 1 != 0, k & 2 != 0, k & 4 != 0), bounds.max, bounds.min);
     let ends = (0..8).flat_map(|k| [1, 2, 4].map(|bit| (k, k | bit))).filter(|(a, b)| a != b);
@@ -67,7 +65,7 @@ fn edges(bounds: SceneBox) -> impl Iterator<Item = [DVec3; 2]> {
 }
 
 /// The distance of the grid's lines and the edges of the box in words, in the scene's unit where it has one.
-fn label(step: f64, bounds: SceneBox, unit: Option<LengthUnit>) -> String {
+pub(super) fn label(step: f64, bounds: SceneBox, unit: Option<LengthUnit>) -> String {
     let (factor, symbol) = unit.map_or((1.0, String::new()), |unit| {
         let millimetres = unit.millimetres();
         let (_, of, symbol) = LABELS.into_iter().find(|(least, ..)| step * millimetres >= *least).unwrap_or(LABELS[0]);
@@ -79,31 +77,31 @@ fn label(step: f64, bounds: SceneBox, unit: Option<LengthUnit>) -> String {
 
 /// What the lines on the picture depend on.
 #[derive(Debug, Clone, PartialEq)]
-struct Seen {
-    camera: Camera,
-    rect: Rect,
+pub(super) struct Seen {
+    pub(super) camera: Camera,
+    pub(super) rect: Rect,
     /// Number of the surface in front, where it is known.
-    front: Option<u64>,
-    bounds: SceneBox,
-    up: Axis,
-    ink: Color32,
+    pub(super) front: Option<u64>,
+    pub(super) bounds: SceneBox,
+    pub(super) up: Axis,
+    pub(super) ink: Color32,
 }
 
 /// The grid and the box of one window.
 pub(super) struct GroundGrid {
-    worker: LatestWorker<Appearance, Option<SceneBox>>,
-    requested: Option<Appearance>,
-    bounds: Option<SceneBox>,
-    drawn: Option<(Seen, Vec<Shape>)>,
+    pub(super) worker: LatestWorker<(Arc<Scene>, Appearance), Option<SceneBox>>,
+    pub(super) requested: Option<(Arc<Scene>, Appearance)>,
+    pub(super) bounds: Option<SceneBox>,
+    pub(super) drawn: Option<(Seen, Vec<Shape>)>,
 }
 
 impl GroundGrid {
-    /// The grid of a scene. The box is found beside the loop; `wake` is called after each.
+    /// The grid of a window. The box is found beside the loop; `wake` is called after each.
     ///
     /// # Errors
     /// The system's error if it cannot start a thread.
-    pub(super) fn new(scene: Arc<Scene>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let work = move |appearance: Appearance| Subject::of(&scene, &appearance).bounds();
+    pub(super) fn new(wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let work = move |(scene, appearance): (Arc<Scene>, Appearance)| Subject::of(&scene, &appearance).bounds();
         let worker = LatestWorker::new("finds-box", work, wake)?;
         Ok(Self { worker, requested: None, bounds: None, drawn: None })
     }
@@ -113,61 +111,17 @@ impl GroundGrid {
         self.worker.is_idle()
     }
 
-    /// The newest box of what is visible. Asks for that of `appearance` where it is not known; does not wait.
-    fn bounds(&mut self, appearance: &Appearance) -> Option<SceneBox> {
+    /// The newest box of what is visible. Asks for that of `scene` and `appearance` where it is not known; does not wait.
+    pub(super) fn bounds(&mut self, scene: &Arc<Scene>, appearance: &Appearance) -> Option<SceneBox> {
         if let Some(found) = self.worker.take() {
             self.bounds = found;
         }
         let wanted = visible_parts(appearance);
-        if self.requested.as_ref() != Some(&wanted) {
-            self.worker.submit(wanted.clone());
-            self.requested = Some(wanted);
+        if !is_requested(self.requested.as_ref(), scene, &wanted) {
+            self.worker.submit((Arc::clone(scene), wanted.clone()));
+            self.requested = Some((Arc::clone(scene), wanted));
         }
         self.bounds
-    }
-}
-
-impl SceneView {
-    /// Draws the grid and the box where the window shows them: what the surface in front hides is left out, or faint.
-    pub(super) fn show_grid(&mut self, ui: &Ui, rect: Rect, appearance: &Appearance, state: &ViewState, tools: &Tools) {
-        if !tools.grid || self.stereo {
-            self.ground_grid.drawn = None;
-            return;
-        }
-        let up = self.scene.orientation.with_up(state.scene.up()).up();
-        let Some(bounds) = self.ground_grid.bounds(appearance) else { return };
-        let ground = ground(bounds, up);
-        let background = appearance.background;
-        let ink = if background.element_sum() > 1.5 { Color32::BLACK } else { Color32::WHITE };
-        let lines = self.scene_lines(rect);
-        let (camera, is_known) = lines.seen_by();
-        let front = is_known.then_some(self.front_number);
-        let seen = Seen { camera: camera.clone(), rect, front, bounds, up, ink };
-        let painter = ui.painter_at(rect);
-        let shapes = match &self.ground_grid.drawn {
-            Some((drawn, shapes)) if *drawn == seen => shapes.clone(),
-            _ => {
-                let mut shapes = Vec::new();
-                let style = |opacity: u8, width, hidden| {
-                    let color = Color32::from_rgba_unmultiplied(ink.r(), ink.g(), ink.b(), opacity);
-                    LineStyle { color, width, hidden, unknown: 0.4 }
-                };
-                for ends in ground.iter().flat_map(|ground| &ground.lines) {
-                    lines.add(*ends, style(90, 1.0, 0.0), &mut shapes);
-                }
-                for ends in edges(bounds) {
-                    lines.add(ends, style(170, 1.5, 0.2), &mut shapes);
-                }
-                self.ground_grid.drawn = Some((seen, shapes.clone()));
-                shapes
-            }
-        };
-        painter.extend(shapes);
-        if let Some(Ground { step, .. }) = ground {
-            let at = rect.left_bottom() + tools.scale * Vec2::new(INSET.x, -INSET.y);
-            let text = label(step, bounds, self.scene.orientation.unit);
-            outlined_text(&painter, at, Align2::LEFT_BOTTOM, &text, &FontId::proportional(14.0 * tools.scale));
-        }
     }
 }
 

@@ -1,15 +1,19 @@
 //! Hints of a first run: three at most, one at a time, beside the control that each is about. A hint ends for good when a person
 //! dismisses it, or has done what it says.
 
-use egui::{Align2, Area, Button, Color32, Id, Order, Pos2, Rect, Shape, Stroke, Ui, Vec2};
+use egui::{Align2, Area, Button, Color32, Id, Order, Pos2, Rect, Shape, Stroke, StrokeKind, Ui, Vec2};
 use serde::{Deserialize, Serialize};
 
 use crate::display::ViewState;
 use crate::panels::theme;
 
-/// Points between a hint in the picture and the picture's edge, and of the head of its arrow.
+/// Points between a hint in the picture and the picture's edge, and of the head that points from it.
 const GAP: f32 = 10.0;
-const HEAD: f32 = 10.0;
+const HEAD: f32 = 8.0;
+
+/// Points between a control and the ring around it, and of the ring's round corners.
+const RING: f32 = 1.0;
+const ROUND: f32 = 6.0;
 
 /// One hint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,15 +102,13 @@ pub(super) fn show(ui: &Ui, places: HintPlaces, picture: Rect, state: &ViewState
                 }
             });
         });
-        let edge = if is_right_of_it { card.response.rect.left_center() } else { card.response.rect.right_center() };
-        // A thin line over other controls, and a head at its end.
-        let (back, half) = (side + Vec2::new((edge.x - side.x).signum() * HEAD, 0.0), Vec2::new(0.0, 0.5 * HEAD));
-        ui.painter().with_clip_rect(screen).line_segment([edge, back], Stroke::new(2.0, fill));
-        let arrow = vec![back - half, side, back + half];
-        ui.painter().with_clip_rect(screen).add(Shape::convex_polygon(
-            arrow,
-            fill,
-            Stroke::new(0.0, Color32::TRANSPARENT),
-        ));
+        // A ring around the control, and a head at the card that points to it: a line would cross other controls.
+        let painter = ui.painter().with_clip_rect(screen);
+        painter.rect_stroke(place.expand(RING), ROUND, Stroke::new(2.0, fill), StrokeKind::Outside);
+        let card = card.response.rect;
+        let (edge, way) = if is_right_of_it { (card.left_center(), -HEAD) } else { (card.right_center(), HEAD) };
+        let half = Vec2::new(0.0, HEAD);
+        let head = vec![edge - half, edge + Vec2::new(way, 0.0), edge + half];
+        painter.add(Shape::convex_polygon(head, fill, Stroke::new(0.0, Color32::TRANSPARENT)));
     });
 }

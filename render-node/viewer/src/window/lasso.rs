@@ -6,7 +6,8 @@ use sg_proto::scene::{Combine, InLasso, SelectionOperation, SelectionStep, selec
 use sg_proto::selection::StrokesRequest;
 use sg_scene::camera::Camera;
 
-use super::scene_view::{MouseTool, SceneView};
+use super::mouse_tool::MouseTool;
+use super::scene_view::SceneView;
 use crate::display::{BrushSign, Request, Tools, ViewState};
 
 /// Fewest pixels between two corners of a lasso, and most corners.
@@ -96,7 +97,7 @@ impl SceneView {
             let share = DVec2::new(f64::from(k % SAMPLES) + 0.5, f64::from(k / SAMPLES) + 0.5) / f64::from(SAMPLES);
             low + share * (high - low)
         });
-        let seen = places.filter(|at| is_within(*at, corners)).filter_map(|at| Some(front.at(&self.scene, at)?.depth));
+        let seen = places.filter(|at| is_within(*at, corners)).filter_map(|at| Some(front.at(at)?.depth));
         let mut depths: Vec<f64> = seen.collect();
         depths.sort_by(f64::total_cmp);
         depths.get(depths.len() / 2).copied()

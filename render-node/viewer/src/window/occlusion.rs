@@ -12,31 +12,29 @@ use crate::display::LatestWorker;
 
 /// The factors of the newest appearance.
 pub(super) struct OcclusionWorker {
-    worker: LatestWorker<Appearance, Option<Arc<[f32]>>>,
-    requested: Option<Appearance>,
+    worker: LatestWorker<(Arc<Scene>, Appearance), Option<Arc<[f32]>>>,
+    requested: Option<(Arc<Scene>, Appearance)>,
     factors: Option<Arc<[f32]>>,
 }
 
 impl OcclusionWorker {
-    /// A worker for `scene` on `pool`, that calls `wake` after each result.
-    pub(super) fn new(
-        scene: Arc<Scene>,
-        pool: Arc<rayon::ThreadPool>,
-        wake: impl Fn() + Send + 'static,
-    ) -> std::io::Result<Self> {
-        let work = move |appearance: Appearance| pool.install(|| ambient_occlusion(&scene, &appearance));
+    /// A worker on `pool`, that calls `wake` after each result.
+    pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let work = move |(scene, appearance): (Arc<Scene>, Appearance)| {
+            pool.install(|| ambient_occlusion(&scene, &appearance))
+        };
         Ok(Self { worker: LatestWorker::new("occludes", work, wake)?, requested: None, factors: None })
     }
 
-    /// The newest factors. Asks for those of `appearance` where they are not known; does not wait.
-    pub(super) fn factors(&mut self, appearance: &Appearance) -> Option<Arc<[f32]>> {
+    /// The newest factors. Asks for those of `scene` and `appearance` where they are not known; does not wait.
+    pub(super) fn factors(&mut self, scene: &Arc<Scene>, appearance: &Appearance) -> Option<Arc<[f32]>> {
         if let Some(found) = self.worker.take() {
             self.factors = found;
         }
         let wanted = visible_parts(appearance);
-        if self.requested.as_ref() != Some(&wanted) {
-            self.worker.submit(wanted.clone());
-            self.requested = Some(wanted);
+        if !is_requested(self.requested.as_ref(), scene, &wanted) {
+            self.worker.submit((Arc::clone(scene), wanted.clone()));
+            self.requested = Some((Arc::clone(scene), wanted));
         }
         self.factors.clone()
     }
@@ -45,6 +43,15 @@ impl OcclusionWorker {
     pub(super) fn is_idle(&self) -> bool {
         self.worker.is_idle()
     }
+}
+
+/// Whether a request is for this very scene and an equal appearance.
+pub(super) fn is_requested(
+    requested: Option<&(Arc<Scene>, Appearance)>,
+    scene: &Arc<Scene>,
+    appearance: &Appearance,
+) -> bool {
+    requested.is_some_and(|(of, wanted)| Arc::ptr_eq(of, scene) && wanted == appearance)
 }
 
 /// What occlusion depends on, and the box of what is visible: opacities, what is hidden, clips.
@@ -68,31 +75,35 @@ mod tests {
 
     use super::*;
 
-    fn newest(worker: &mut OcclusionWorker, appearance: &Appearance) -> Option<Arc<[f32]>> {
-        worker.factors(appearance);
+    fn newest(worker: &mut OcclusionWorker, scene: &Arc<Scene>, appearance: &Appearance) -> Option<Arc<[f32]>> {
+        worker.factors(scene, appearance);
         let end = Instant::now() + Duration::from_secs(60);
         while !worker.is_idle() && Instant::now() < end {
             std::thread::sleep(Duration::from_millis(1));
         }
-        worker.factors(appearance)
+        worker.factors(scene, appearance)
     }
 
     #[test]
     fn only_a_change_of_what_is_visible_is_computed() {
         let scene = Arc::new(test_scene(&[("cloud", 500)]));
         let pool = Arc::new(rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap());
-        let mut worker = OcclusionWorker::new(Arc::clone(&scene), pool, || ()).unwrap();
+        let mut worker = OcclusionWorker::new(pool, || ()).unwrap();
         let mut look = Appearance::of(&scene);
-        let first = newest(&mut worker, &look).unwrap();
+        let first = newest(&mut worker, &scene, &look).unwrap();
         assert!(first.len() == 500 && first.iter().any(|f| *f < 0.99), "a cloud occludes itself");
         // Another light, colour or highlight changes nothing.
         look.light.kd = 2.0;
         look.base[0].palette = glam::Vec3::X;
         let mask = Arc::new(Mask::from_fn(500, |i| i < 250));
-        assert!(Arc::ptr_eq(&first, &newest(&mut worker, &look).unwrap()));
+        assert!(Arc::ptr_eq(&first, &newest(&mut worker, &scene, &look).unwrap()));
         look.units = vec![UnitAppearance { mask, color: None, opacity: 1.0, visible: false }];
-        let half = newest(&mut worker, &look).unwrap();
+        let half = newest(&mut worker, &scene, &look).unwrap();
         let sum = |factors: &[f32]| factors.iter().sum::<f32>();
         assert!(sum(&half) > sum(&first), "what is hidden gives no shadow");
+        let mut moved = Scene::clone(&scene);
+        moved.units[0].gaussians.position.iter_mut().for_each(|p| *p *= 100.0);
+        let apart = newest(&mut worker, &Arc::new(moved), &look).unwrap();
+        assert!(sum(&apart) > sum(&half), "what is far away gives no shadow");
     }
 }

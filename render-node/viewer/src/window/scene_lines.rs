@@ -3,7 +3,6 @@
 use egui::{Color32, Pos2, Rect, Shape, Stroke, Vec2};
 use glam::{DVec2, DVec3};
 use sg_scene::camera::Camera;
-use sg_scene::model::Scene;
 
 use super::drawing::FrontSurface;
 use super::scene_view::SceneView;
@@ -38,7 +37,6 @@ pub(super) struct SceneLines<'a> {
     camera: Camera,
     rect: Rect,
     nearest: f64,
-    scene: &'a Scene,
     front: Option<&'a FrontSurface>,
 }
 
@@ -48,7 +46,7 @@ impl SceneView {
         let camera = self.camera(rect);
         let view = self.navigator.view;
         let front = self.front.as_ref().filter(|front| front.is_of(&camera));
-        SceneLines { camera, rect, nearest: NEAREST * view.eye.distance(view.target), scene: &self.scene, front }
+        SceneLines { camera, rect, nearest: NEAREST * view.eye.distance(view.target), front }
     }
 }
 
@@ -75,7 +73,7 @@ impl SceneLines<'_> {
         let depth = |t: f64| 1.0 / (ends[0].z.recip() * (1.0 - t) + ends[1].z.recip() * t);
         let factor = |t: f64| match self.front {
             None => style.unknown,
-            Some(front) => match front.at(self.scene, place(t)) {
+            Some(front) => match front.at(place(t)) {
                 Some(hit) if hit.depth < depth(t) * (1.0 - SLACK) => style.hidden,
                 _ => 1.0,
             },
@@ -137,7 +135,6 @@ fn within(from: DVec2, way: DVec2, size: DVec2) -> Option<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use sg_scene::synthetic::test_scene;
     use sg_scene::view::View;
 
     use super::*;
@@ -146,10 +143,9 @@ mod tests {
 
     /// Ends of the drawn parts of a line, in a picture of 200 × 100 points at (10, 20), from the origin along +y.
     fn drawn(ends: [DVec3; 2]) -> Vec<[Pos2; 2]> {
-        let scene = test_scene(&[("cloud", 10)]);
         let view = View { eye: DVec3::ZERO, target: DVec3::Y, up: DVec3::Z, fov_y_degrees: 90.0 };
         let rect = Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(200.0, 100.0));
-        let lines = SceneLines { camera: view.camera(200, 100), rect, nearest: 1e-3, scene: &scene, front: None };
+        let lines = SceneLines { camera: view.camera(200, 100), rect, nearest: 1e-3, front: None };
         let mut shapes = Vec::new();
         lines.add(ends, STYLE, &mut shapes);
         let ends =

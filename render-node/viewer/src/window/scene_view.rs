@@ -3,8 +3,11 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Color32, Pos2, Rect, Response, Sense as EguiSense, TextureHandle, TextureId, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, TextureHandle, TextureId, Ui, Vec2};
 use glam::{DVec2, DVec3};
+use sg_gpu::Gpu;
+use sg_gpu::backend::Engine;
+use sg_raster::finish::Finish;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::framing::{FirstView, framed};
@@ -14,91 +17,21 @@ use sg_scene::orientation::{Axis, Orientation};
 use sg_scene::view::View;
 
 use super::contour::Contour;
-use super::drawing::{self, DrawnPicture, FrontSurface, Picture, PictureJob};
+use super::drawing::{self, DrawnPicture, FrontJob, FrontSurface, Picture, PictureJob};
 use super::error::WindowError;
 use super::grid::GroundGrid;
 use super::image_texture::show_image;
-use super::navigation::{NavigationMode, Navigator};
+use super::mouse_tool::MouseTool;
+use super::move_tool::MoveTool;
+use super::navigation::Navigator;
 use super::occlusion::OcclusionWorker;
+use super::picture_request::PictureRequest;
 use super::polygon::Polygon;
 use super::shape_tool::ShapeTool;
 use crate::display::{
-    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, LatestWorker, Level, Request, Tools,
+    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, FollowedScene, LatestWorker, Level, Tools,
     ViewState,
 };
-use crate::panels::Icon;
-use sg_gpu::Gpu;
-use sg_gpu::backend::Engine;
-use sg_raster::finish::Finish;
-use sg_raster::render::{Projection, Quality};
-
-/// Tool of the left button.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum MouseTool {
-    /// It moves the eye.
-    #[default]
-    Navigate,
-    /// Brushes over the front surface.
-    Brush,
-    /// Draws a lasso.
-    Lasso,
-    /// It draws a rectangle around it.
-    Rectangle,
-    /// Sets the corners of a polygon.
-    Polygon,
-    /// Draws a sphere about a place of the surface.
-    Sphere,
-    /// Draws a box about a place of the surface.
-    Box,
-}
-
-impl MouseTool {
-    /// All, in the order of the toolbar.
-    pub const ALL: [Self; 7] =
-        [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box];
-
-    /// Name in the window.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Navigate => "navigate",
-            Self::Brush => "brush",
-            Self::Lasso => "lasso",
-            Self::Rectangle => "rectangle",
-            Self::Polygon => "polygon",
-            Self::Sphere => "sphere",
-            Self::Box => "box",
-        }
-    }
-
-    /// Its icon.
-    pub(super) fn icon(self) -> Icon {
-        match self {
-            Self::Navigate => Icon::Arrows,
-            Self::Brush => Icon::Brush,
-            Self::Lasso => Icon::Lasso,
-            Self::Rectangle => Icon::Rectangle,
-            Self::Polygon => Icon::Polygon,
-            Self::Sphere => Icon::Sphere,
-            Self::Box => Icon::Cube,
-        }
-    }
-
-    /// One line on the effect of a drag, with its key.
-    #[must_use]
-    pub fn hint(self) -> &'static str {
-        match self {
-            Self::Navigate => "A drag turns the scene. (N)",
-            Self::Brush => "A drag selects what it brushes over; with Shift it takes away. (B)",
-            Self::Lasso => "A drag selects what it encircles; with Shift it takes away. (L)",
-            Self::Rectangle => "A drag selects what is inside the rectangle; with Shift it takes away. (R)",
-            Self::Polygon => "Clicks set corners, Enter selects what is inside; with Shift it takes away. (J)",
-            Self::Sphere => "A drag from a surface selects what is in the sphere; with Shift it takes away. (O)",
-            Self::Box => "A drag from a surface selects what is in the box; with Shift it takes away. (C)",
-        }
-    }
-}
 
 /// Time that a picture may take while something moves, seconds.
 const BUDGET: f64 = 0.04;
@@ -108,48 +41,6 @@ const SETTLES: Duration = Duration::from_millis(180);
 
 /// Distance between the eyes of the side-by-side view, as a share of the way to the target.
 const EYES: f64 = 0.06;
-
-/// Points that one notch of the wheel scrolls.
-const WHEEL: f64 = 75.0;
-
-/// Factor on the eye's distance for one point of the wheel.
-const NOTCH: f64 = 1.0015;
-
-/// Way that keys fly in a second, as a share of the scene's length.
-const SPEED: f64 = 0.4;
-
-/// The input of a requested picture.
-struct PictureRequest {
-    cameras: Vec<Camera>,
-    appearance: Appearance,
-    outlines: bool,
-    gradient: bool,
-    /// The quality at rest.
-    quality: Quality,
-    projection: Projection,
-}
-
-impl PartialEq for PictureRequest {
-    fn eq(&self, other: &Self) -> bool {
-        let flags = |r: &Self| (r.outlines, r.gradient, r.quality, r.projection);
-        self.cameras == other.cameras && flags(self) == flags(other) && same(&self.appearance, &other.appearance)
-    }
-}
-
-/// Compares looks without reading colours and occlusion, since there is one of each per Gaussian. It compares pointers: a display
-/// keeps them.
-fn same(a: &Appearance, b: &Appearance) -> bool {
-    fn same_column<T>(a: Option<&Arc<[T]>>, b: Option<&Arc<[T]>>) -> bool {
-        match (a, b) {
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            (a, b) => a.is_none() && b.is_none(),
-        }
-    }
-    let plain = |appearance: &Appearance| Appearance { colors: None, occlusion: None, ..appearance.clone() };
-    same_column(a.colors.as_ref(), b.colors.as_ref())
-        && same_column(a.occlusion.as_ref(), b.occlusion.as_ref())
-        && plain(a) == plain(b)
-}
 
 /// The picture of a window.
 pub(super) struct SceneView {
@@ -162,7 +53,7 @@ pub(super) struct SceneView {
     pub(super) brush_controller: BrushController,
     picture_worker: LatestWorker<PictureJob, DrawnPicture>,
     occlusion_worker: OcclusionWorker,
-    front_worker: LatestWorker<(Camera, Appearance), Option<FrontSurface>>,
+    front_worker: LatestWorker<FrontJob, Option<FrontSurface>>,
     pub(super) front: Option<FrontSurface>,
     /// Number of `front`: it counts up with each one found.
     pub(super) front_number: u64,
@@ -188,11 +79,12 @@ pub(super) struct SceneView {
     pub(super) lasso: Vec<Pos2>,
     pub(super) polygon: Polygon,
     pub(super) shape_tool: ShapeTool,
+    pub(super) move_tool: MoveTool,
     pub(super) ground_grid: GroundGrid,
     /// Notches of the wheel for the last walk.
     pub(super) notches: f64,
     /// Modifiers of the last turn of the wheel.
-    wheel: egui::Modifiers,
+    pub(super) wheel: egui::Modifiers,
     /// Position of the brush, and its sign.
     pub(super) hover: Option<(BrushSample, BrushSign)>,
     pub(super) newest: PictureStats,
@@ -226,12 +118,12 @@ impl SceneView {
             mouse_tool: MouseTool::default(),
             stereo: false,
             brush_controller,
-            occlusion_worker: OcclusionWorker::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone())
-                .map_err(threads)?,
+            occlusion_worker: OcclusionWorker::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
             picture_worker: drawing::pictures(engine, Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            ground_grid: GroundGrid::new(Arc::clone(&scene), wake.clone()).map_err(threads)?,
-            shape_tool: ShapeTool::new(Arc::clone(&scene), Arc::clone(&pool), wake.clone()).map_err(threads)?,
-            front_worker: drawing::fronts(Arc::clone(&scene), pool, wake).map_err(threads)?,
+            ground_grid: GroundGrid::new(wake.clone()).map_err(threads)?,
+            shape_tool: ShapeTool::new(Arc::clone(&pool), wake.clone()).map_err(threads)?,
+            move_tool: MoveTool::new(wake.clone()).map_err(threads)?,
+            front_worker: drawing::fronts(pool, wake).map_err(threads)?,
             scene,
             front: None,
             front_number: 0,
@@ -256,9 +148,24 @@ impl SceneView {
         })
     }
 
+    /// Shows the same Gaussians, some of them elsewhere.
+    pub(super) fn show_scene(&mut self, followed: FollowedScene) {
+        self.scene = followed.scene;
+        if let Some(brush) = followed.brush {
+            self.brush_controller.set_brush(brush);
+        }
+        // The surface in front is that of the former places.
+        (self.front, self.requested_front) = (None, None);
+    }
+
     /// Pictures that were late while something moved.
     pub(super) fn late(&self) -> u64 {
         self.adaptive_quality.late()
+    }
+
+    /// Whether the shown picture is the best one of the last request.
+    pub(super) fn is_current(&self) -> bool {
+        self.settled && self.picture_worker.is_idle()
     }
 
     /// Whether the best picture is shown and no work is pending.
@@ -267,15 +174,16 @@ impl SceneView {
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
             && self.shape_tool.is_idle()
+            && self.move_tool.is_idle()
             && self.ground_grid.is_idle()
     }
 
     /// Shows the scene's `first` view at the shape of `rect` for as long as the eye stays there, and frames it anew when the
-    /// window changes its shape.
-    pub(super) fn keep_framed(&mut self, first: &mut FirstView, shared: View, rect: Rect) {
+    /// window changes its shape. `file` is the scene without edits.
+    pub(super) fn keep_framed(&mut self, first: &mut FirstView, file: &Scene, shared: View, rect: Rect) {
         if self.framed == Some(self.navigator.view) || self.navigator.view == shared {
             let aspect = f64::from(rect.width().max(1.0)) / f64::from(rect.height().max(1.0));
-            let view = first.shown(&self.scene, shared, aspect);
+            let view = first.shown(file, shared, aspect);
             self.framed = (view != shared).then_some(view);
             self.navigator.view = view;
         }
@@ -333,12 +241,13 @@ impl SceneView {
         self.on_device.take()
     }
 
-    /// Gives up a stroke, a lasso, a polygon or a shape.
+    /// Gives up a stroke, a lasso, a polygon, a shape or a move.
     pub(super) fn abandon(&mut self) {
         self.brush_controller.abandon();
         self.lasso.clear();
         self.polygon.clear();
         self.shape_tool.clear();
+        self.move_tool.clear();
     }
 
     /// The highlight: the selection with the stroke under way, or with the preview of a stroke begun here or of a shape.
@@ -358,127 +267,6 @@ impl SceneView {
         }
     }
 
-    /// Handles mouse and keys in `ui`; the picture fills all of it. Returns the resulting requests.
-    pub(super) fn interact(&mut self, ui: &mut Ui, state: &ViewState, tools: &mut Tools) -> (Response, Vec<Request>) {
-        let response = ui.allocate_rect(ui.available_rect_before_wrap(), EguiSense::click_and_drag());
-        let rect = response.rect;
-        let height = f64::from(rect.height().max(1.0));
-        let (shift, alt, scroll, dt) = ui
-            .input(|i| (i.modifiers.shift, i.modifiers.alt, i.smooth_scroll_delta(), f64::from(i.stable_dt.min(0.1))));
-        let moved = |v: Vec2| DVec2::new(f64::from(v.x), f64::from(v.y)) / height;
-        let delta = moved(response.drag_delta());
-        self.notches = 0.0;
-        let turned =
-            |e: &egui::Event| if let egui::Event::MouseWheel { modifiers, .. } = e { Some(*modifiers) } else { None };
-        // The rest of a smooth scroll keeps the modifiers of the wheel's turn.
-        self.wheel = ui.input(|i| i.events.iter().rev().find_map(turned)).unwrap_or(self.wheel);
-        if response.hovered() && scroll != Vec2::ZERO {
-            // Shift turns the wheel sideways.
-            let notches = f64::from(if scroll.y == 0.0 { scroll.x } else { scroll.y });
-            if self.wheel.alt {
-                self.notches = notches / WHEEL;
-            } else if self.wheel.shift {
-                tools.widen(NOTCH.powf(notches));
-            } else {
-                self.navigator.approach(NOTCH.powf(notches));
-            }
-        }
-        let left = response.dragged_by(egui::PointerButton::Primary);
-        let turns = response.dragged_by(egui::PointerButton::Middle) || (left && alt);
-        if turns || (left && self.mouse_tool == MouseTool::Navigate) {
-            self.navigator.turn(delta);
-        } else if response.dragged_by(egui::PointerButton::Secondary) {
-            self.navigator.slide(delta);
-        }
-        if response.hovered()
-            && self.navigator.navigation_mode == NavigationMode::Fly
-            && !ui.ctx().egui_wants_keyboard_input()
-        {
-            self.fly(ui, dt);
-        }
-        let sign = if shift { BrushSign::Remove } else { BrushSign::Add };
-        let mut requests = Vec::new();
-        if self.mouse_tool != MouseTool::Brush {
-            self.hover = None;
-        }
-        if self.mouse_tool != MouseTool::Polygon {
-            self.polygon.clear();
-        }
-        if !matches!(self.mouse_tool, MouseTool::Sphere | MouseTool::Box) {
-            self.shape_tool.clear();
-        }
-        match self.mouse_tool {
-            MouseTool::Navigate => (),
-            MouseTool::Brush => self.brush(ui, &response, alt, sign, tools, state, &mut requests),
-            MouseTool::Lasso | MouseTool::Rectangle => {
-                self.draw_around(&response, alt, sign, (state, tools), &mut requests);
-            }
-            MouseTool::Polygon => self.draw_polygon(ui, &response, alt, sign, (state, tools), &mut requests),
-            MouseTool::Sphere | MouseTool::Box => {
-                self.draw_shape(ui, &response, alt, sign, (state, tools), &mut requests);
-            }
-        }
-        if response.double_clicked()
-            && self.mouse_tool == MouseTool::Navigate
-            && let Some(at) = response.interact_pointer_pos()
-            && let Some(hit) = self.front_at(rect, at)
-        {
-            self.navigator.view.target = hit;
-        }
-        (response, requests)
-    }
-
-    fn fly(&mut self, ui: &Ui, dt: f64) {
-        let way = ui.input(|i| {
-            // With Ctrl, a letter is a shortcut.
-            if i.modifiers.command {
-                return DVec3::ZERO;
-            }
-            let axis = |plus, minus| f64::from(u8::from(i.key_down(plus))) - f64::from(u8::from(i.key_down(minus)));
-            DVec3::new(
-                axis(egui::Key::D, egui::Key::A),
-                axis(egui::Key::E, egui::Key::Q),
-                axis(egui::Key::W, egui::Key::S),
-            )
-        });
-        if way != DVec3::ZERO {
-            self.navigator.fly(way.normalize() * SPEED * self.navigator.length() * dt);
-            ui.ctx().request_repaint();
-        }
-    }
-
-    #[allow(clippy::too_many_arguments, reason = "one frame of one tool")]
-    fn brush(
-        &mut self,
-        ui: &Ui,
-        response: &Response,
-        alt: bool,
-        sign: BrushSign,
-        tools: &Tools,
-        state: &ViewState,
-        requests: &mut Vec<Request>,
-    ) {
-        let at = response.hover_pos().or(response.interact_pointer_pos());
-        let sample = at.and_then(|at| self.front_at(response.rect, at)).map(|at| BrushSample { at, pressure: 1.0 });
-        self.hover = sample.map(|sample| (sample, sign));
-        self.brush_controller.eye = Some(self.navigator.view.eye);
-        if !state.services.selection {
-            return;
-        }
-        // A stroke begins at the surface, independent of the press position in the picture.
-        let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
-        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
-        match sample {
-            Some(sample) if self.brush_controller.is_drawing() => self.brush_controller.sample(sample),
-            Some(sample) if here && (down || pressed) && !alt => self.brush_controller.press(tools, sample, sign),
-            _ => (),
-        }
-        requests.extend(self.brush_controller.pending_samples());
-        if self.brush_controller.is_drawing() && !down {
-            requests.extend(self.brush_controller.release());
-        }
-    }
-
     /// The camera of a picture that fills `rect`, one pixel a point.
     pub(super) fn camera(&self, rect: Rect) -> Camera {
         let edge = |x: f32| (x.round() as u32).max(1);
@@ -489,7 +277,7 @@ impl SceneView {
     pub(super) fn front_at(&self, rect: Rect, at: Pos2) -> Option<DVec3> {
         let front = self.front.as_ref().filter(|f| !self.stereo && f.is_of(&self.camera(rect)))?;
         let place = at - rect.min;
-        Some(front.at(&self.scene, DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
+        Some(front.at(DVec2::new(f64::from(place.x), f64::from(place.y)))?.point)
     }
 
     /// Cameras of the picture in pixels of the screen.
@@ -519,8 +307,8 @@ impl SceneView {
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
         let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
-        self.take_in(ui);
         let requested = PictureRequest {
+            scene: Arc::clone(&self.scene),
             cameras,
             appearance: appearance.clone(),
             outlines: outlines.is_some(),
@@ -537,14 +325,15 @@ impl SceneView {
         let moving = now.duration_since(self.changed) < SETTLES;
         if !self.settled
             && self.picture_worker.is_idle()
-            && let Some(PictureRequest { cameras, appearance, .. }) = &self.requested
+            && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
             let level = self.adaptive_quality.level(tools.quality, moving);
             let projection = tools.projection;
-            let (cameras, appearance) = (cameras.clone(), appearance.clone());
+            let (scene, cameras, appearance) = (Arc::clone(scene), cameras.clone(), appearance.clone());
             let shown_by = self.shown_by.as_ref().map(|(gpu, _)| gpu.clone());
             let finish = Finish::to_look_at(appearance.background, tools.gradient);
             self.picture_worker.submit(PictureJob {
+                scene,
                 cameras,
                 appearance,
                 level,
@@ -586,10 +375,12 @@ impl SceneView {
 
     /// The newest ambient occlusion, where it is wanted.
     pub(super) fn occlusion(&mut self, appearance: &Appearance, tools: &Tools) -> Option<Arc<[f32]>> {
-        tools.occlusion.then(|| self.occlusion_worker.factors(appearance)).flatten()
+        tools.occlusion.then(|| self.occlusion_worker.factors(&self.scene, appearance)).flatten()
     }
 
-    fn take_in(&mut self, ui: &Ui) {
+    /// Takes what has been drawn and found meanwhile. It comes first in a frame: nothing else may cause another frame, and all of this
+    /// one tells of the newest picture.
+    pub(super) fn take_in(&mut self, ui: &Ui) {
         if let Some(DrawnPicture { picture, size, level, moving, seconds, engine, drawn_by }) =
             self.picture_worker.take()
         {
@@ -641,7 +432,8 @@ impl SceneView {
         let wanted =
             (self.camera(rect), Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() });
         if self.requested_front.as_ref() != Some(&wanted) {
-            self.front_worker.submit(wanted.clone());
+            let (camera, appearance) = wanted.clone();
+            self.front_worker.submit((Arc::clone(&self.scene), camera, appearance));
             self.requested_front = Some(wanted);
         }
     }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use sg_input::{file, limits};
 
 use super::hints::Hint;
+use super::mouse_tool::MouseTool;
 use super::navigation::NavigationMode;
-use super::scene_view::MouseTool;
 use crate::display::{BrushMode, Tools};
 use sg_raster::render::Quality;
 

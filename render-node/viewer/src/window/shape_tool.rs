@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, DragValue, Grid, Pos2, Rect, Response, Shape as Drawn, Ui};
+use egui::{DragValue, Grid, Pos2, Ui};
 use glam::{DVec2, DVec3};
 use sg_clusters::geometry::GeometryOptions;
 use sg_proto::scene::{
@@ -16,15 +16,11 @@ use sg_scene::orientation::LengthUnit;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::operations::{self, Operation};
 
-use super::scene_lines::LineStyle;
-use super::scene_view::{MouseTool, SceneView};
 use super::tool_card;
-use crate::display::number_format::count;
-use crate::display::{BrushSign, LatestWorker, Request, Tools, ViewState};
-use crate::panels::theme::color_of;
+use crate::display::{BrushSign, LatestWorker, Request, ViewState};
 
 /// Points of a drag from which on it makes a shape; a shorter one is a click.
-const LEAST_DRAG: f32 = 4.0;
+pub(super) const LEAST_DRAG: f32 = 4.0;
 
 /// Lines of a circle.
 const CIRCLE: u32 = 72;
@@ -36,7 +32,7 @@ const SPEED: f64 = 1e-3;
 const NUMBERS: (f64, f64) = (1e-5, 1e3);
 
 /// The buttons of the card: name, combination, effect.
-const BUTTONS: [(&str, Combine, &str); 4] = [
+pub(super) const BUTTONS: [(&str, Combine, &str); 4] = [
     ("add", Combine::Add, "adds what lies inside to the selection"),
     ("take away", Combine::Remove, "takes what lies inside out of the selection"),
     ("only these", Combine::Replace, "selects what lies inside, and nothing else"),
@@ -45,7 +41,7 @@ const BUTTONS: [(&str, Combine, &str); 4] = [
 
 /// How far a shape reaches from its centre, scene lengths.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Reach {
+pub(super) enum Reach {
     /// A sphere's radius.
     Radius(f64),
     /// Half the edges of a box along the scene's axes.
@@ -54,10 +50,10 @@ enum Reach {
 
 /// A region of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Shape {
+pub(super) struct Shape {
     /// Scene coordinates.
-    centre: DVec3,
-    reach: Reach,
+    pub(super) centre: DVec3,
+    pub(super) reach: Reach,
 }
 
 impl Shape {
@@ -76,7 +72,7 @@ impl Shape {
     }
 
     /// The request that selects by it; `None` for one that no selection takes.
-    fn request(&self, bounds: SceneBox, combine: Combine, include_hidden: bool) -> Option<Request> {
+    pub(super) fn request(&self, bounds: SceneBox, combine: Combine, include_hidden: bool) -> Option<Request> {
         let operation = self.operation(bounds);
         operation.check().ok()?;
         let operation = match operation {
@@ -94,7 +90,7 @@ impl Shape {
     }
 
     /// Its edges as an eye sees them: a box's twelve, or three circles of a sphere and its rim.
-    fn lines(&self, eye: DVec3) -> Vec<[DVec3; 2]> {
+    pub(super) fn lines(&self, eye: DVec3) -> Vec<[DVec3; 2]> {
         match self.reach {
             Reach::HalfEdges(half) => {
                 let corner = |k: usize| {
@@ -133,7 +129,8 @@ fn circle(centre: DVec3, a: DVec3, b: DVec3) -> impl Iterator<Item = [DVec3; 2]>
 
 /// What the preview of a shape depends on.
 #[derive(Debug, Clone)]
-struct Wanted {
+pub(super) struct Wanted {
+    geometry: Arc<Scene>,
     shape: Shape,
     sign: BrushSign,
     include_hidden: bool,
@@ -144,24 +141,28 @@ struct Wanted {
 impl PartialEq for Wanted {
     fn eq(&self, other: &Self) -> bool {
         let plain = |w: &Self| (w.shape, w.sign, w.include_hidden, w.scene.revision());
-        plain(self) == plain(other) && Arc::ptr_eq(&self.selected, &other.selected)
+        plain(self) == plain(other)
+            && Arc::ptr_eq(&self.selected, &other.selected)
+            && Arc::ptr_eq(&self.geometry, &other.geometry)
     }
 }
 
 /// What a shape would select.
 #[derive(Debug, Clone)]
-struct Preview {
+pub(super) struct Preview {
     /// The selection before.
-    base: Arc<Mask>,
+    pub(super) base: Arc<Mask>,
     /// The selection after.
-    selected: Arc<Mask>,
+    pub(super) selected: Arc<Mask>,
     /// Gaussians inside that can be selected.
-    inside: usize,
+    pub(super) inside: usize,
 }
 
 impl Preview {
-    fn of(context: &OperationContext, wanted: &Wanted) -> Self {
-        let Wanted { shape, sign, include_hidden, selected, scene } = wanted;
+    fn of(wanted: &Wanted) -> Self {
+        let Wanted { geometry, shape, sign, include_hidden, selected, scene } = wanted;
+        // It computes neighbours and features where an operation needs them; a shape does not.
+        let context = OperationContext::new(Arc::clone(geometry), GeometryOptions::default());
         let mut found = Mask::empty(selected.len());
         let operation = shape.operation(context.scene().bounds);
         // A shape needs no geometry, so nothing fails; without a result nothing is inside.
@@ -182,21 +183,21 @@ impl Preview {
 
 /// A drag under way.
 #[derive(Debug, Clone, Copy)]
-struct Drag {
-    press: Pos2,
+pub(super) struct Drag {
+    pub(super) press: Pos2,
     /// The shape before the press.
-    before: Option<Shape>,
+    pub(super) before: Option<Shape>,
 }
 
 /// The tool of spheres and boxes.
 pub(super) struct ShapeTool {
-    shape: Option<Shape>,
-    drag: Option<Drag>,
+    pub(super) shape: Option<Shape>,
+    pub(super) drag: Option<Drag>,
     /// Whether the shape differs from the one that was last applied.
-    is_changed: bool,
-    worker: LatestWorker<Wanted, Preview>,
-    wanted: Option<Wanted>,
-    preview: Option<Preview>,
+    pub(super) is_changed: bool,
+    pub(super) worker: LatestWorker<Wanted, Preview>,
+    pub(super) wanted: Option<Wanted>,
+    pub(super) preview: Option<Preview>,
 }
 
 impl ShapeTool {
@@ -204,13 +205,8 @@ impl ShapeTool {
     ///
     /// # Errors
     /// The system's error if it cannot start a thread.
-    pub(super) fn new(
-        scene: Arc<Scene>,
-        pool: Arc<rayon::ThreadPool>,
-        wake: impl Fn() + Send + 'static,
-    ) -> std::io::Result<Self> {
-        let context = OperationContext::new(scene, GeometryOptions::default());
-        let work = move |wanted: Wanted| pool.install(|| Preview::of(&context, &wanted));
+    pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let work = move |wanted: Wanted| pool.install(|| Preview::of(&wanted));
         let worker = LatestWorker::new("finds-inside", work, wake)?;
         Ok(Self { shape: None, drag: None, is_changed: false, worker, wanted: None, preview: None })
     }
@@ -233,13 +229,13 @@ impl ShapeTool {
     }
 
     /// Asks for the preview of the shape, and takes the newest.
-    fn update(&mut self, sign: BrushSign, state: &ViewState, include_hidden: bool) {
+    pub(super) fn update(&mut self, geometry: &Arc<Scene>, sign: BrushSign, state: &ViewState, include_hidden: bool) {
         let Some(shape) = self.shape else { return };
         if let Some(preview) = self.worker.take() {
             self.preview = Some(preview);
         }
         let (selected, scene) = (Arc::clone(&state.selected), Arc::clone(&state.scene));
-        let wanted = Wanted { shape, sign, include_hidden, selected, scene };
+        let wanted = Wanted { geometry: Arc::clone(geometry), shape, sign, include_hidden, selected, scene };
         if self.wanted.as_ref() != Some(&wanted) {
             self.worker.submit(wanted.clone());
             self.wanted = Some(wanted);
@@ -248,172 +244,24 @@ impl ShapeTool {
 }
 
 /// The distance of a scene point from the line of sight through a place of a picture.
-fn distance_from_sight(camera: &Camera, place: DVec2, point: DVec3) -> f64 {
+pub(super) fn distance_from_sight(camera: &Camera, place: DVec2, point: DVec3) -> f64 {
     let seen = camera.view().transform_point3(point);
     let ray = DVec3::new((place.x - camera.cx) / camera.fx, (place.y - camera.cy) / camera.fy, 1.0);
     seen.cross(ray).length() / ray.length()
 }
 
-impl SceneView {
-    /// Lets the mouse draw a sphere or a box about a place of the surface in front. Its release requests the selection; a click
-    /// moves the shape there.
-    pub(super) fn draw_shape(
-        &mut self,
-        ui: &Ui,
-        response: &Response,
-        alt: bool,
-        sign: BrushSign,
-        (state, tools): (&ViewState, &Tools),
-        requests: &mut Vec<Request>,
-    ) {
-        if !state.services.selection || self.stereo {
-            self.shape_tool.clear();
-            return;
-        }
-        let is_box = self.mouse_tool == MouseTool::Box;
-        if self.shape_tool.shape.is_some_and(|shape| is_box != matches!(shape.reach, Reach::HalfEdges(_))) {
-            self.shape_tool.clear();
-        }
-        let bounds = self.scene.bounds;
-        let (pressed, down, at) =
-            ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down(), i.pointer.interact_pos()));
-        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
-        if pressed
-            && here
-            && !alt
-            && bounds.longest_edge() > 0.0
-            && let Some(press) = at
-            && let Some(centre) = self.front_at(response.rect, press)
-        {
-            let before = self.shape_tool.shape;
-            let none = if is_box { Reach::HalfEdges(DVec3::ZERO) } else { Reach::Radius(0.0) };
-            let reach = before.map_or(none, |shape| shape.reach);
-            self.shape_tool.shape = Some(Shape { centre, reach });
-            self.shape_tool.drag = Some(Drag { press, before });
-            self.shape_tool.is_changed = true;
-        }
-        if let Some(drag) = self.shape_tool.drag
-            && let Some(Shape { centre, .. }) = self.shape_tool.shape
-        {
-            let is_click = at.is_none_or(|at| at.distance(drag.press) < LEAST_DRAG);
-            if let Some(at) = at.filter(|_| !is_click) {
-                let place = at - response.rect.min;
-                let place = DVec2::new(place.x.into(), place.y.into());
-                let reach = distance_from_sight(&self.camera(response.rect), place, centre);
-                let reach = if is_box { Reach::HalfEdges(DVec3::splat(reach)) } else { Reach::Radius(reach) };
-                self.shape_tool.shape = Some(Shape { centre, reach });
-            }
-            if !down {
-                self.shape_tool.drag = None;
-                if !is_click {
-                    let combine = if sign == BrushSign::Add { Combine::Add } else { Combine::Remove };
-                    self.apply_shape(combine, tools, requests);
-                } else if drag.before.is_none() {
-                    self.shape_tool.clear();
-                }
-            }
-        }
-        // The numbers of the card are to be added; only a drag takes away with Shift.
-        let sign = if self.shape_tool.drag.is_some() { sign } else { BrushSign::Add };
-        self.shape_tool.update(sign, state, tools.include_hidden);
-    }
-
-    fn apply_shape(&mut self, combine: Combine, tools: &Tools, requests: &mut Vec<Request>) {
-        let Some(shape) = self.shape_tool.shape else { return };
-        requests.extend(shape.request(self.scene.bounds, combine, tools.include_hidden));
-        self.shape_tool.is_changed = false;
-    }
-
-    /// Draws the shape, and shows its numbers beside the picture with buttons that select by it.
-    pub(super) fn show_shape(
-        &mut self,
-        ui: &Ui,
-        rect: Rect,
-        (state, tools): (&ViewState, &Tools),
-        requests: &mut Vec<Request>,
-    ) {
-        let name = match self.mouse_tool {
-            MouseTool::Sphere => "sphere",
-            MouseTool::Box => "box",
-            _ => return,
-        };
-        if self.stereo || !state.services.selection {
-            return;
-        }
-        if let Some(shape) = self.shape_tool.shape {
-            let removes = self.shape_tool.drag.is_some() && ui.input(|i| i.modifiers.shift);
-            let color = color_of(if removes { BrushSign::Remove } else { BrushSign::Add });
-            let mut drawn: Vec<Drawn> = Vec::new();
-            let lines = self.scene_lines(rect);
-            // A dark edge below makes the lines visible on every picture.
-            for (color, width) in [(Color32::from_black_alpha(130), 4.0), (color, 2.0)] {
-                let style = LineStyle { color, width, hidden: 0.3, unknown: 0.8 };
-                for ends in shape.lines(self.navigator.view.eye) {
-                    lines.add(ends, style, &mut drawn);
-                }
-            }
-            ui.painter_at(rect).extend(drawn);
-        }
-        let (mut shape, inside) = (self.shape_tool.shape, self.shape_tool.preview.as_ref().map(|p| p.inside));
-        let (length, unit) = (self.scene.bounds.longest_edge(), self.scene.orientation.unit);
-        let mut asked = None;
-        tool_card::show(ui, rect, (name, shape.is_some()), |ui| match &mut shape {
-            None => {
-                let reach = if name == "box" { "half an edge" } else { "the radius" };
-                ui.label(format!(
-                    "Press on the surface and drag: the press is the centre of the {name}, the way is {reach}. With Shift it \
-                     takes away. Its numbers are here then."
-                ));
-            }
-            Some(shape) => {
-                shape.numbers(ui, length, unit);
-                let inside = inside.map_or_else(String::new, |inside| format!("{} Gaussians inside", count(inside)));
-                ui.label(inside);
-                ui.horizontal_wrapped(|ui| {
-                    for (name, combine, does) in BUTTONS {
-                        if ui.button(name).on_hover_text(does).clicked() {
-                            asked = Some(combine);
-                        }
-                    }
-                });
-                ui.weak("A click on the surface moves it there; Esc removes it.");
-            }
-        });
-        if shape != self.shape_tool.shape {
-            (self.shape_tool.shape, self.shape_tool.is_changed) = (shape, true);
-            // Its preview is asked for at the next frame.
-            ui.ctx().request_repaint();
-        }
-        if let Some(combine) = asked {
-            self.apply_shape(combine, tools, requests);
-        }
-    }
-}
-
 impl Shape {
     /// Its numbers to change, in the scene's unit, where `length` is the scene's longest edge.
-    fn numbers(&mut self, ui: &mut Ui, length: f64, unit: Option<LengthUnit>) {
+    pub(super) fn numbers(&mut self, ui: &mut Ui, length: f64, unit: Option<LengthUnit>) {
         let decimals = (-(NUMBERS.0 * length).log10()).ceil().clamp(0.0, 12.0) as usize;
         let most = NUMBERS.1 * length;
         let number = |ui: &mut Ui, name: &str, value: &mut f64, least: f64| {
-            let text = move |x: f64, _| {
-                let text = format!("{x:.decimals$}");
-                let digits = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-                digits.to_owned()
-            };
+            let text = move |x: f64, _| tool_card::plain(x, decimals);
             let field = DragValue::new(value).speed(SPEED * length).range(least..=most).custom_formatter(text);
             let response = ui.add(field.update_while_editing(false));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         };
-        let in_unit = |name: &str| {
-            let symbol = match unit {
-                Some(LengthUnit::Metre) => ", m",
-                Some(LengthUnit::Millimetre) => ", mm",
-                Some(LengthUnit::Micrometre) => ", µm",
-                None => "",
-            };
-            format!("{name}{symbol}")
-        };
+        let in_unit = |name: &str| tool_card::in_unit(name, unit);
         Grid::new("numbers of a shape").num_columns(4).show(ui, |ui| {
             ui.label(in_unit("centre"));
             let DVec3 { x, y, z } = &mut self.centre;
@@ -482,7 +330,6 @@ mod tests {
         };
         let action = sg_proto::scene::command::Action::SetVisibility(hide);
         let state = Arc::new(state.after(&scene, action).unwrap());
-        let context = OperationContext::new(Arc::clone(&scene), GeometryOptions::default());
         let selected = Arc::new(Mask::from_fn(scene.len(), |i| i < 100));
         let centre = DVec3::new(4.0, 5.0, 6.0);
         let half = DVec3::new(1.0, 3.0, 2.0);
@@ -492,8 +339,10 @@ mod tests {
         ] {
             let is_inside = |i: usize| includes(scene.position(i).unwrap());
             let of = |sign, include_hidden| {
+                let geometry = Arc::clone(&scene);
                 let (selected, scene) = (Arc::clone(&selected), Arc::clone(&state));
-                Preview::of(&context, &Wanted { shape: Shape { centre, reach }, sign, include_hidden, selected, scene })
+                let shape = Shape { centre, reach };
+                Preview::of(&Wanted { geometry, shape, sign, include_hidden, selected, scene })
             };
             let added = of(BrushSign::Add, false);
             let expected = Mask::from_fn(scene.len(), |i| i < 100 || (i < 600 && is_inside(i)));

@@ -1,6 +1,6 @@
 //! Keyboard actions in a window: one table for the actions and for the list that `?` shows.
 
-use egui::{InputState, Key, Modifiers};
+use egui::{Event, InputState, Key, Modifiers};
 
 /// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +21,8 @@ pub enum Action {
     Sphere,
     /// The mouse draws a box.
     Box,
+    /// The mouse moves, turns and scales the selection.
+    Move,
     /// Strokes grow to the whole structure.
     Walk,
     /// Strokes change whole Super-Gaussians.
@@ -95,7 +97,7 @@ pub enum Action {
     Nearer,
     /// Goes further away.
     Further,
-    /// Cancels the stroke, lasso, polygon, shape or turntable under way.
+    /// Cancels the stroke, lasso, polygon, shape, move or turntable under way.
     Abandon,
     /// Closes the window.
     Close,
@@ -158,6 +160,7 @@ impl Action {
             | Self::Polygon
             | Self::Sphere
             | Self::Box
+            | Self::Move
             | Self::Walk
             | Self::Cluster
             | Self::Point
@@ -220,6 +223,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::J, "J", Action::Polygon, "the mouse sets the corners of a polygon"),
     plain(Key::O, "O", Action::Sphere, "the mouse draws a sphere"),
     plain(Key::C, "C", Action::Box, "the mouse draws a box"),
+    with(Modifiers::SHIFT, Key::M, "Shift+M", Action::Move, "the mouse moves and turns the selection"),
     plain(Key::Num1, "1", Action::Walk, "Region: strokes grow to the whole structure"),
     plain(Key::Num2, "2", Action::Cluster, "Patch: strokes change whole Super-Gaussians"),
     plain(Key::Num3, "3", Action::Point, "Single: strokes change single Gaussians"),
@@ -285,7 +289,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::H, "H", Action::Panels, "show or hide panels"),
     plain(Key::K, "K", Action::Theme, "dark or light"),
     with(Modifiers::COMMAND, Key::Q, "Ctrl+Q", Action::Close, "close the window"),
-    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso, polygon, shape or turntable under way"),
+    plain(Key::Escape, "Esc", Action::Abandon, "cancel the stroke, lasso, shape, move or turntable under way"),
 ];
 
 /// Mouse functions, for the list.
@@ -301,16 +305,42 @@ pub const MOUSE: &[(&str, &str)] = &[
 /// Keys that press, or leave, a control with the keyboard focus.
 const OF_FOCUS: [Key; 5] = [Key::Enter, Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
 
-/// Actions of the keys just pressed, one per press; each press counts once. Where a control other than a text field
-/// `has_focus`, the keys that such a control uses are left to it.
-#[must_use]
-pub(super) fn pressed(input: &mut InputState, has_focus: bool) -> Vec<Action> {
-    let mut asked = Vec::new();
-    for shortcut in SHORTCUTS.iter().filter(|s| !(has_focus && OF_FOCUS.contains(&s.key))) {
-        for _ in 0..input.count_and_consume_key(shortcut.modifiers, shortcut.key) {
-            asked.push(shortcut.action);
-        }
+/// Actions whose keys work in a text field too: no letter, and no command of editing text.
+const IN_FIELDS: [Action; 5] = [Action::Open, Action::SaveCopy, Action::ExportSplats, Action::Name, Action::Close];
+
+/// Who else takes keys.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct KeyFocus {
+    /// A text field takes letters and the commands of editing text.
+    pub(super) is_typing: bool,
+    /// A control other than a text field has the focus. It takes [`OF_FOCUS`].
+    pub(super) has_control: bool,
+    /// A menu is open. Esc closes it.
+    pub(super) has_menu: bool,
+}
+
+impl KeyFocus {
+    fn takes(self, shortcut: &Shortcut) -> bool {
+        (self.is_typing && !IN_FIELDS.contains(&shortcut.action))
+            || (self.has_control && OF_FOCUS.contains(&shortcut.key))
+            || (self.has_menu && shortcut.key == Key::Escape)
     }
+}
+
+/// Actions of the keys just pressed, in their order; each press counts once. What `focus` takes is left to it. What follows a key
+/// that leads to a text field belongs to that field.
+#[must_use]
+pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Vec<Action> {
+    let mut asked = Vec::new();
+    let mut leads_to_field = false;
+    input.events.retain(|event| {
+        let Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
+        let fits = |s: &&Shortcut| s.key == *key && modifiers.matches_logically(s.modifiers) && !focus.takes(s);
+        let Some(shortcut) = SHORTCUTS.iter().find(fits).filter(|_| !leads_to_field) else { return true };
+        asked.push(shortcut.action);
+        leads_to_field = matches!(shortcut.action, Action::Say | Action::Name);
+        false
+    });
     asked
 }
 
@@ -347,6 +377,33 @@ mod tests {
             rows.iter().map(|(written, _)| written.split(", ").filter(|key| !key.is_empty()).count()).sum();
         assert_eq!(keys, SHORTCUTS.len(), "{rows:?}");
         assert!(rows.contains(&("Delete, Backspace".to_owned(), "delete the selected Gaussians")));
+    }
+
+    #[test]
+    fn letters_after_the_key_of_a_field_are_no_shortcuts() {
+        let key = |key: Key, modifiers: Modifiers| Event::Key {
+            key,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers,
+        };
+        let mut input = InputState::default();
+        let none = Modifiers::NONE;
+        input.events =
+            vec![key(Key::B, none), key(Key::Z, Modifiers::COMMAND), key(Key::Enter, none), key(Key::H, none)];
+        let nobody = KeyFocus::default();
+        assert_eq!(pressed(&mut input, nobody), [Action::Brush, Action::Undo, Action::Say]);
+        assert_eq!(input.events, [key(Key::H, none)]);
+        input.events = vec![key(Key::Escape, none), key(Key::Enter, none), key(Key::X, none)];
+        let focus = KeyFocus { has_control: true, has_menu: true, ..nobody };
+        assert_eq!(pressed(&mut input, focus), [Action::Stereo]);
+        assert_eq!(input.events.len(), 2);
+        // In a text field, only keys that edit no text.
+        let command = |k: Key| key(k, Modifiers::COMMAND);
+        input.events = vec![key(Key::B, none), command(Key::A), command(Key::Z), command(Key::E), command(Key::Q)];
+        assert_eq!(pressed(&mut input, KeyFocus { is_typing: true, ..nobody }), [Action::ExportSplats, Action::Close]);
+        assert_eq!(input.events.len(), 3);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use egui::{Align2, RichText, Ui};
 
+use super::mouse_tool::MouseTool;
 use super::navigation::NavigationMode;
-use super::scene_view::MouseTool;
 use super::shortcuts::{Action, Group, MOUSE, SHORTCUTS, rows};
 use super::window_ui::WindowUi;
 use crate::display::number_format::{count, milliseconds, percent};
@@ -84,7 +84,12 @@ impl WindowUi {
     /// The tool of the left button, as icons alone where that is `short`, and whether it reaches behind what is in front.
     pub(super) fn tool_choice(&mut self, ui: &mut Ui, state: &ViewState, short: bool) {
         for mouse_tool in MouseTool::ALL {
-            if mouse_tool == MouseTool::Navigate || state.services.selection {
+            let is_there = match mouse_tool {
+                MouseTool::Navigate => true,
+                MouseTool::Move => state.services.scene,
+                _ => state.services.selection,
+            };
+            if is_there {
                 let is_chosen = self.scene_view.mouse_tool == mouse_tool;
                 let button = labelled_button(
                     ui,
@@ -126,6 +131,8 @@ impl WindowUi {
             let short = match newest.level {
                 None => "Drawing…",
                 Some(level) if level.scale < 1.0 || level.quality == Quality::Fast => "Preview",
+                // The picture of a change is still being drawn.
+                Some(_) if !self.scene_view.is_current() => "Preview",
                 Some(_) => "Full quality",
             };
             ui.label(short).on_hover_text(format!("{}: {level}", newest.engine));

@@ -6,6 +6,7 @@ use sg_formats::files::short_name;
 
 use super::file_dialog::FileDialogs;
 use super::recent_files::RecentFile;
+use super::spacing_dialog::SpacingDialog;
 
 /// Most numbered names that are tried for a suggestion.
 const NUMBERS: u32 = 1000;
@@ -26,6 +27,7 @@ pub struct WindowFiles {
 pub(super) struct FileMenu {
     pub(super) files: WindowFiles,
     pub(super) dialogs: FileDialogs,
+    pub(super) spacing: SpacingDialog,
     pub(super) recent: Vec<RecentFile>,
     /// Whether the menu is shown.
     pub(super) is_open: bool,
@@ -54,6 +56,7 @@ impl FileMenu {
         let opened = self.files.opened.as_deref();
         let folder = self.last_folder.as_deref().or_else(|| opened?.parent()).unwrap_or(pictures);
         let stem = short_name(opened.unwrap_or(Path::new(scene)));
+        let stem = stem.trim_end_matches(['-', '_']);
         let name = |number: String| folder.join(format!("{stem}{suffix}{number}{ending}"));
         let numbered = (2..NUMBERS).map(|k| name(format!("-{k}")));
         let first = name(String::new());

@@ -86,11 +86,52 @@ fn a_typed_path_is_opened() {
     let path = folder.path().join("brain.nrrd");
     std::fs::write(&path, "NRRD").unwrap();
     press(&mut harness, Modifiers::NONE, Key::Enter);
-    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [Request::Open(path)]);
+    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [Request::Open(path, None)]);
     press(&mut harness, CTRL, Key::O);
     assert!(harness.query_by_label_contains("Cancel").is_some());
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(harness.query_by_label_contains("Cancel").is_none());
+}
+
+#[test]
+fn escape_closes_an_open_menu() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, _service) = window(folder.path());
+    click(&mut harness, "File");
+    assert!(harness.query_by_label_contains("Save a copy").is_some());
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(harness.query_by_label_contains("Save a copy").is_none());
+}
+
+#[test]
+fn a_raw_volume_is_opened_with_the_lengths_of_its_voxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = window(folder.path());
+    let path = folder.path().join("head_4x4x4_uint8.raw");
+    std::fs::write(&path, [0; 64]).unwrap();
+    let open = |harness: &mut Harness<'_, WindowUi>| {
+        press(harness, CTRL, Key::O);
+        write(harness, "head_4x4x4_uint8.raw");
+        press(harness, Modifiers::NONE, Key::Enter);
+        assert!(harness.query_by_label_contains("The spacing is not known").is_some());
+    };
+    open(&mut harness);
+    assert_eq!(service.requests.try_iter().count(), 0);
+    // The first number has the focus: typed digits replace it.
+    press(&mut harness, CTRL, Key::A);
+    write(&mut harness, "0.5");
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    let spaced = Request::Open(path.clone(), Some([0.5, 1.0, 1.0]));
+    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [spaced]);
+
+    open(&mut harness);
+    click(&mut harness, "not known");
+    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [Request::Open(path, None)]);
+
+    open(&mut harness);
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(harness.query_by_label_contains("The spacing is not known").is_none());
+    assert_eq!(service.requests.try_iter().count(), 0);
 }
 
 #[test]
@@ -173,7 +214,7 @@ fn recent_files_open_unless_they_are_gone() {
     click(&mut harness, "File");
     click(&mut harness, "Recent");
     click(&mut harness, "there.ply");
-    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [Request::Open(there)]);
+    assert_eq!(service.requests.try_iter().collect::<Vec<_>>(), [Request::Open(there, None)]);
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod file_menu;
 mod frame_rate;
 mod legends;
 mod monkey;
+mod move_tool;
 mod picture;
 mod region_tools;
 mod scene_requests;

@@ -135,7 +135,7 @@ fn only_available_requests_are_sent_and_they_are_valid() {
                             tuned += 1;
                         }
                         Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
-                        Request::Open(_) | Request::Save(_) => panic!("panels open and save no file"),
+                        Request::Open(..) | Request::Save(_) => panic!("panels open and save no file"),
                     }
                 }
             }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use egui::{Pos2, Role, Vec2};
 use egui_kittest::Harness;
@@ -54,13 +56,13 @@ fn only_dropped_scenes_and_volumes_are_opened() {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
     harness.step();
-    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth_2x2x2_uint8.RAW.zst"];
+    let files = ["/data/heart.ply", "/data/notes.pdf", "/data/skull/scene.toml", "/data/Tooth.NRRD"];
     for file in files {
         harness.input_mut().dropped_files.push(Arc::new(File(file.into())));
     }
     harness.step();
     let asked: Vec<_> = service.requests.try_iter().collect();
-    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into()));
+    let opened = [files[0], files[2], files[3]].map(|file| Request::Open(file.into(), None));
     assert_eq!(asked, opened);
     harness.step();
     assert_eq!(service.requests.try_iter().count(), 0, "a file is dropped once");
@@ -364,6 +366,84 @@ fn arrow_keys_move_the_eye_and_a_text_field_keeps_its_letters() {
 }
 
 #[test]
+fn the_status_line_tells_of_the_picture_that_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, woken) = (scene(), Arc::new(AtomicBool::new(true)));
+    let (view_port, service) = ViewPort::new(ViewState::of(after(&scene, [])));
+    let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
+    let (settings, wakes) = (Settings::default(), Arc::clone(&woken));
+    let wake = move || wakes.store(true, Ordering::Release);
+    let ports = (view_port, Tools::default());
+    let window_ui = WindowUi::new(Arc::clone(&scene), engine, ports, folder.path().into(), &settings, wake).unwrap();
+    let mut harness = Harness::builder()
+        .with_size(Vec2::new(800.0, 600.0))
+        .build_ui_state(|ui, window_ui: &mut WindowUi| window_ui.show(ui), window_ui);
+    // Frames as the loop of a window draws them: where one is asked for, or something is finished.
+    let rest = |harness: &mut Harness<'_, WindowUi>| {
+        let (mut due, mut last) = (Some(Instant::now()), Instant::now());
+        while last.elapsed() < Duration::from_secs(3) {
+            if woken.swap(false, Ordering::AcqRel) || due.is_some_and(|due| due <= Instant::now()) {
+                harness.step();
+                let delay = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
+                (due, last) = (Instant::now().checked_add(delay), Instant::now());
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(harness.state().is_settled());
+    };
+    rest(&mut harness);
+    assert!(harness.query_by_label("Full quality").is_some(), "the picture at rest is called a preview");
+    // A change is not shown yet: the picture of before it has full quality no more.
+    let chosen = after(&scene, [select(&scene, 10..60)]);
+    service.writer.update(|state| {
+        state.selected = Arc::clone(chosen.selection().mask());
+        state.scene = Arc::clone(&chosen);
+    });
+    harness.step();
+    harness.step();
+    assert!(harness.query_by_label("Full quality").is_none(), "a picture of before the change is called full quality");
+    rest(&mut harness);
+    assert!(harness.query_by_label("Full quality").is_some());
+}
+
+/// The events of keys that a fast hand, or a slow machine, brings in one frame: Enter as `\n`, letters with their text.
+fn at_once(harness: &mut Harness<'_, WindowUi>, keys: &str) {
+    for c in keys.chars() {
+        let key =
+            if c == '\n' { egui::Key::Enter } else { egui::Key::from_name(&c.to_uppercase().to_string()).unwrap() };
+        let pressed = |pressed| egui::Event::Key {
+            key,
+            physical_key: None,
+            pressed,
+            repeat: false,
+            modifiers: egui::Modifiers::NONE,
+        };
+        let text = (c != '\n').then(|| egui::Event::Text(c.to_string()));
+        harness.input_mut().events.extend([Some(pressed(true)), text, Some(pressed(false))].into_iter().flatten());
+    }
+    harness.step();
+}
+
+#[test]
+fn letters_that_come_at_once_after_enter_are_no_shortcuts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk_of(&Settings::default(), Vec2::new(1280.0, 800.0), folder.path());
+    harness.run_steps(3);
+    // Enter leads to the field; all letters of its frame and of the next ones are typed there.
+    at_once(&mut harness, "\nhe");
+    at_once(&mut harness, "lp");
+    at_once(&mut harness, "\n");
+    // A sentence was sent, and the next one follows without a pause.
+    at_once(&mut harness, "un");
+    at_once(&mut harness, "do");
+    at_once(&mut harness, "\n");
+    let said: Vec<_> = service.requests.try_iter().collect();
+    assert_eq!(said, ["help", "undo"].map(|text| Request::Say(text.to_owned())));
+    let settings = harness.state().settings();
+    assert!(settings.panels && settings.mouse_tool == MouseTool::Navigate, "{settings:?}");
+}
+
+#[test]
 fn a_turntable_shows_its_progress_at_rest_and_escape_cancels_it() {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, _service) = desk_of(&Settings::default(), Vec2::new(640.0, 480.0), folder.path());
@@ -371,12 +451,12 @@ fn a_turntable_shows_its_progress_at_rest_and_escape_cancels_it() {
     harness.key_press(egui::Key::T);
     harness.run_steps(2);
     let shown = harness.output().viewport_output.get(&egui::ViewportId::ROOT).unwrap().repaint_delay;
-    assert!(shown < std::time::Duration::from_secs(1), "nothing else draws the progress: {shown:?}");
+    assert!(shown < Duration::from_secs(1), "nothing else draws the progress: {shown:?}");
     harness.key_press(egui::Key::Escape);
-    let began = std::time::Instant::now();
+    let began = Instant::now();
     while harness.query_by_label_contains("turntable cancelled").is_none() {
-        assert!(began.elapsed() < std::time::Duration::from_secs(60), "it is not cancelled");
-        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(began.elapsed() < Duration::from_secs(60), "it is not cancelled");
+        std::thread::sleep(Duration::from_millis(20));
         harness.step();
     }
 }

@@ -18,6 +18,9 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 
+use crate::action_result::{failure, stored_result};
+use crate::file_requests::FileRequests;
+
 /// Length of the request queue.
 const QUEUE: usize = 16;
 /// Most clauses of one plan.
@@ -49,6 +52,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let published_state = host.bus().retain(&keys::FUNCTION_STATE, agent_state.clone()).await?;
     let agent = FunctionAgent {
         bus: host.bus().clone(),
+        files: FileRequests::new(host.bus().clone()),
         llm,
         agent_state,
         published_state,
@@ -68,6 +72,8 @@ enum Message {
 
 struct FunctionAgent {
     bus: Bus,
+    /// Saves and opens files.
+    files: FileRequests,
     llm: LlmClient,
     agent_state: AgentState,
     published_state: RetainedValue<AgentState>,
@@ -282,7 +288,12 @@ impl FunctionAgent {
         for target in targets {
             let request = MeasureRequest { target: Some(target.clone()) };
             match self.bus.ask(&keys::SCENE_MEASURE, &request, &context.next()).await {
-                Ok(measure) => sizes.extend(query::size(&target, &measure)),
+                Ok(measure) => {
+                    let missing = || query::without_unit(&clause.words, &measure).map(str::to_owned);
+                    // One reason is enough for several units.
+                    let line = query::size(&target, &measure).or_else(missing);
+                    sizes.extend(line.filter(|line| !sizes.contains(line)));
+                }
                 // Nothing selected, or a scene service that measures nothing.
                 Err(fault) => tracing::debug!(%fault, "no size"),
             }
@@ -321,6 +332,7 @@ impl FunctionAgent {
                 return Ok(ActionResult { ok: true, text, units, ..ActionResult::default() });
             }
             Step::Change { action, units } => (action, units),
+            other => return Ok(self.files.carry_out(other, context).await),
         };
         let command = Command { id: id.clone(), expected_revision: 0, action: Some(action.clone()) };
         match self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id.clone())).await {
@@ -347,29 +359,6 @@ impl FunctionAgent {
                 ))
             }
         }
-    }
-}
-
-fn failure(text: String) -> ActionResult {
-    ActionResult { ok: false, text, ..ActionResult::default() }
-}
-
-/// The result of a command that an earlier try of the plan applied.
-fn stored_result(id: &str, event: &Event) -> ActionResult {
-    let result = CommandResult {
-        id: id.to_owned(),
-        revision: event.revision,
-        summary: event.summary.clone(),
-        repeated: true,
-        ..CommandResult::default()
-    };
-    let command = Command { id: id.to_owned(), ..Command::default() };
-    ActionResult {
-        ok: true,
-        text: report::sentence(&event.summary),
-        command: Some(command),
-        result: Some(result),
-        ..ActionResult::default()
     }
 }
 

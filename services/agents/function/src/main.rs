@@ -1,6 +1,8 @@
 //! `supergaussian-agent-function`: executes plans, clause by clause.
 
+mod action_result;
 mod actor;
+mod file_requests;
 
 use std::process::ExitCode;
 

@@ -124,6 +124,10 @@ impl IntentPrompt {
                     )));
                 }
             }
+            // A path is taken letter by letter: another one might replace another file.
+            if !request.text.contains(&clause.file) {
+                return Err(InvalidAnswer::new(format!("`clauses[{at}].file` was not mentioned")));
+            }
             if clause.target.as_ref().is_some_and(|t| *t == Reference::default()) {
                 clause.target = None;
             }

@@ -36,7 +36,8 @@ fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
     let base = state.base_units.iter().map(|u| UnitSummary {
         name: &u.name,
         count: u.count.saturating_sub(u.deleted),
-        color: u.palette.as_ref(),
+        // The palette of a trained scene is black: its Gaussians have colours of their own.
+        color: u.palette.as_ref().filter(|p| [p.red, p.green, p.blue] != [0.0; 3]),
         opacity: u.opacity,
         visible: u.visible,
         locked: u.locked,
@@ -173,6 +174,15 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
     Some(format!("{} measure{s} about {x} × {y} × {z} {unit} and {verb}{s} about {volume}.", capital(&name)))
 }
 
+/// The sentence for a question about size where the scene has no length unit; `None` for other questions.
+#[must_use]
+pub fn without_unit(words: &str, measure: &Measure) -> Option<&'static str> {
+    const SIZES: [&str; 8] = ["big", "large", "small", "size", "volume", "long", "wide", "high"];
+    let asks = words.split(|c: char| !c.is_alphabetic()).any(|word| SIZES.contains(&word.to_lowercase().as_str()));
+    let said = "The file gives no unit of length, so its size in millimetres is not known.";
+    (asks && measure.millimetres <= 0.0).then_some(said)
+}
+
 /// A measured number: whole from 10 on, else with one or two decimals.
 fn measured(x: f64) -> String {
     let decimals = match x {
@@ -273,9 +283,20 @@ mod tests {
         {
             assert!(text.contains(part), "{text} lacks {part}");
         }
+        let mut trained = scene_of_two();
+        trained.base_units[0].palette = Some(Color { red: 0.0, green: 0.0, blue: 0.0 });
+        assert!(unit("vessel", &trained, None).unwrap().contains("original colours"));
         let hidden = unit("sac", &scene_of_two(), Some(&frame)).unwrap();
         assert!(hidden.contains("hidden") && hidden.contains("2.5 %") && !hidden.contains("covers"), "{hidden}");
         assert_eq!(unit("other", &scene_of_two(), None), None);
+    }
+
+    #[test]
+    fn a_question_about_size_says_why_there_are_no_millimetres() {
+        let unknown = Measure::default();
+        assert!(without_unit("how big is the heart", &unknown).unwrap().contains("no unit of length"));
+        assert_eq!(without_unit("describe the bigger vessel", &unknown), None);
+        assert_eq!(without_unit("how big is it", &Measure { millimetres: 1.0, ..unknown }), None);
     }
 
     #[test]

@@ -1,6 +1,11 @@
 //! Sentences about executed commands.
 
+use std::path::Path;
+
+use sg_input::{printable, short_path};
 use sg_proto::language::Clause;
+use sg_proto::launch::save_request::Content;
+use sg_proto::launch::{OpenReply, OpenRequest, SaveReply};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     CommandResult, LightMode, NamedView, SetLight, SetOpacity, SetOperation, State, Target, set_view,
@@ -89,8 +94,31 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         }
         Action::RenameUnit(rename) => format!("“{}” is now named “{}”.", rename.name, rename.new_name),
         Action::Reset(_) => "The appearance is reset. Units and selection are unchanged.".to_owned(),
-        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
+        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) | Action::TransformGaussians(_) => {
+            sentence(&result.summary)
+        }
     }
+}
+
+/// One sentence about a saved file.
+#[must_use]
+pub fn saved(content: Option<&Content>, reply: &SaveReply) -> String {
+    let path = short_path(Path::new(&reply.path));
+    match content {
+        Some(Content::Gaussians(_)) if reply.gaussians == 1 => format!("Saved 1 splat to {path}."),
+        Some(Content::Gaussians(_)) => format!("Saved {} splats to {path}.", grouped(reply.gaussians)),
+        Some(Content::Project(_)) => format!("Saved a copy of the project to {path}."),
+        Some(Content::Picture(_)) => format!("Saved the picture to {path}."),
+        None => format!("Saved {path}."),
+    }
+}
+
+/// One sentence about a file that opens.
+#[must_use]
+pub fn opens(request: &OpenRequest, reply: &OpenReply) -> String {
+    let name = Path::new(&request.path).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let first = if reply.volume { ", as soon as Gaussians are made of it" } else { "" };
+    format!("{} opens in a window of its own{first}.", printable(&name))
 }
 
 /// A summary of the scene as a sentence.
@@ -218,6 +246,18 @@ mod tests {
             State { units: vec![Unit { name: "sac".into(), opacity: 0.5, ..Unit::default() }], ..State::default() };
         let result = CommandResult { summary: "undid: made the sac red".into(), ..CommandResult::default() };
         super::action(&Clause::default(), action, &before, &result)
+    }
+
+    #[test]
+    fn files_are_told_with_their_place() {
+        let reply = |gaussians| SaveReply { gaussians, path: "/data/sac.ply".into() };
+        let splats = Content::Gaussians(sg_proto::launch::GaussianChoice::default());
+        assert_eq!(saved(Some(&splats), &reply(12_345)), "Saved 12,345 splats to /data/sac.ply.");
+        assert_eq!(saved(Some(&splats), &reply(1)), "Saved 1 splat to /data/sac.ply.");
+        let request = OpenRequest { path: "~/scans/head.nrrd".into(), ..OpenRequest::default() };
+        let volume = OpenReply { volume: true, ..OpenReply::default() };
+        let said = "head.nrrd opens in a window of its own, as soon as Gaussians are made of it.";
+        assert_eq!(opens(&request, &volume), said);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 
 use sg_proto::bus::Code;
 use sg_proto::language::{Clause, Reference};
+use sg_proto::launch::{OpenRequest, SaveRequest};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, State, Target};
@@ -59,6 +60,28 @@ pub enum Step {
         /// Names of the units in question.
         units: Vec<String>,
     },
+    /// A file to save.
+    Save {
+        /// The request to the supervisor. A path without a folder is beside the opened file; an empty one is chosen there.
+        request: SaveRequest,
+        /// Names of the saved units in the scene.
+        units: Vec<String>,
+    },
+    /// A picture to draw and to save.
+    Picture(PictureWish),
+    /// A file to open in a window of its own.
+    Open(OpenRequest),
+}
+
+/// A picture to draw and to save.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PictureWish {
+    /// The path, as in [`SaveRequest`].
+    pub file: String,
+    /// Factor on the size of the picture in the window, 1 to 4.
+    pub scale: u32,
+    /// Whether its background is transparent.
+    pub transparent: bool,
 }
 
 impl Step {

@@ -163,6 +163,15 @@ fn short(clause: &Clause) -> String {
         Act::Lock => format!("lock {about}"),
         Act::Unlock => format!("unlock {about}"),
         Act::DeleteGaussians => format!("delete {about}"),
+        Act::Export => {
+            format!("export {} -> {}", if clause.target.is_none() { "VISIBLE" } else { &about }, clause.file)
+        }
+        Act::SavePicture => {
+            let transparent = if clause.transparent { " transparent" } else { "" };
+            format!("picture {amount}{transparent} -> {}", clause.file)
+        }
+        Act::SaveCopy => format!("copy -> {}", clause.file),
+        Act::Open => format!("open {}", clause.file),
         Act::Describe => format!("describe {about}"),
         Act::QuerySelection => "selection?".to_owned(),
         Act::Undo => format!("undo {amount}"),

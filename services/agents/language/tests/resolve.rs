@@ -8,6 +8,8 @@ use sg_language::resolution::{self, Refusal, Step};
 use sg_language::unit_names;
 use sg_proto::bus::Code;
 use sg_proto::language::{Act, Clause, Reference};
+use sg_proto::launch::save_request::Content;
+use sg_proto::launch::{GaussianChoice, GaussianPart};
 use sg_proto::render::{Frame, UnitCoverage};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
@@ -64,7 +66,7 @@ fn target(reference: &Reference, state: &State) -> Result<Target, Refusal> {
 fn action(clause: &Clause, state: &State) -> Action {
     match commands::resolve(clause, state, None).unwrap() {
         Step::Change { action, .. } => action,
-        Step::Answer { text, .. } => panic!("answered: {text}"),
+        other => panic!("{other:?}"),
     }
 }
 
@@ -108,7 +110,7 @@ fn it_is_the_focus_then_the_selection_then_nothing() {
     assert!(selected.selection && selected.units.is_empty());
     let nothing = target(&it, &unselected()).unwrap_err();
     assert_eq!(nothing.code, Code::FailedPrecondition);
-    assert!(nothing.message.contains("“it”") && nothing.message.contains("parent vessel"), "{nothing}");
+    assert!(nothing.message.starts_with("Which structure?") && nothing.message.contains("parent vessel"), "{nothing}");
 }
 
 #[test]
@@ -294,7 +296,7 @@ fn only_saved_units_are_renamed_and_lose_their_names() {
 fn questions_are_answered_from_scene_and_frame() {
     let ask = |clause: &Clause, frame: Option<&Frame>| match commands::resolve(clause, &scene(), frame).unwrap() {
         Step::Answer { text, units } => (text, units),
-        Step::Change { action, .. } => panic!("{action:?}"),
+        other => panic!("{other:?}"),
     };
     let frame = |revision| Frame {
         revision,
@@ -328,17 +330,18 @@ proptest! {
 
     #[test]
     fn any_clause_is_resolved_or_refused_in_one_line(
-        act in -1..25_i32,
+        act in -1..30_i32,
         names in prop::collection::vec("\\PC{0,12}|sac|leaf|parent vessel", 0..3),
         flags in any::<[bool; 4]>(),
         name in "\\PC{0,20}",
         amount in prop::option::of(any::<f64>()),
         operation in 0..6_i32,
+        file in "\\PC{0,20}|sac.ply|~/a.png",
         empty in any::<bool>(),
     ) {
         let [selection, everything, complement, focus] = flags;
         let reference = Reference { names, selection, everything, complement, focus };
-        let clause = Clause { act, name, amount, operation, ..clause(Act::Unspecified, reference) };
+        let clause = Clause { act, name, amount, operation, file, ..clause(Act::Unspecified, reference) };
         let clause = Clause { act, ..clause };
         let state = if empty { State::default() } else { scene() };
         match commands::resolve(&clause, &state, None) {
@@ -352,6 +355,39 @@ proptest! {
                 prop_assert!(units.iter().all(|u| known.contains(&u.as_str()) || *u == given), "{:?}", units);
             }
             Ok(Step::Answer { text, .. }) => prop_assert!(!text.is_empty()),
+            Ok(Step::Save { request, .. }) => prop_assert!(request.content.is_some() && !request.replace),
+            Ok(Step::Picture(wish)) => prop_assert!((1..=4).contains(&wish.scale)),
+            Ok(Step::Open(request)) => prop_assert!(!request.path.is_empty()),
         }
     }
+}
+
+#[test]
+fn files_are_asked_for_with_one_content_and_a_kind() {
+    let file = |act: Act, target: Reference, file: &str| {
+        let clause = Clause { file: file.to_owned(), ..clause(act, target) };
+        commands::resolve(&clause, &scene(), None)
+    };
+    let choice = |part: GaussianPart, unit: &str| {
+        Some(Content::Gaussians(GaussianChoice { part: part.into(), unit: unit.to_owned() }))
+    };
+    let exported = |target: Reference, name: &str| match file(Act::Export, target, name) {
+        Ok(Step::Save { request, .. }) => (request.path, request.content, request.replace),
+        other => panic!("{other:?}"),
+    };
+    let selection = || Reference { selection: true, ..Reference::default() };
+    let everything = || Reference { everything: true, ..Reference::default() };
+    assert_eq!(exported(names_of(&["Sac"]), "a.ply"), ("a.ply".into(), choice(GaussianPart::Unit, "sac"), false));
+    assert_eq!(exported(selection(), ""), (String::new(), choice(GaussianPart::Selection, ""), false));
+    assert_eq!(exported(everything(), "all").0, "all.ply");
+    assert_eq!(exported(everything(), "all").1, choice(GaussianPart::Everything, ""));
+    let refused = |act, target, name: &str| file(act, target, name).unwrap_err().message;
+    assert!(refused(Act::Export, names_of(&["sac", "leaves"]), "").contains("export what is visible"));
+    assert!(refused(Act::Export, Reference { complement: true, ..names_of(&["sac"]) }, "").contains("Hide the rest"));
+    assert!(refused(Act::Export, names_of(&["dome"]), "").contains("Brush it"));
+    assert!(refused(Act::SavePicture, Reference::default(), "view.jpg").contains(".png"));
+    assert!(refused(Act::SaveCopy, Reference::default(), "copy.ply").contains(".sgproj"));
+    assert!(refused(Act::Open, Reference::default(), " ").contains("no file"));
+    let picture = Clause { amount: Some(9.0), ..clause(Act::SavePicture, Reference::default()) };
+    assert!(commands::resolve(&picture, &scene(), None).unwrap_err().message.contains("1, 2, 3 or 4"));
 }

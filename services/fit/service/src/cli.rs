@@ -65,6 +65,9 @@ struct FitArgs {
     /// Place Gaussians directly from the volume, without training.
     #[arg(long)]
     initial_only: bool,
+    /// Write each step as a line `progress DONE OF STEP` to standard error.
+    #[arg(long, hide = true)]
+    progress_lines: bool,
     /// Largest number of Gaussians in all base units.
     #[arg(long, value_name = "N", default_value_t = Options::default().gaussians, value_parser = gaussians)]
     gaussians: usize,
@@ -245,7 +248,13 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     };
     check_outputs(args)?;
     let bar = progress_bar();
-    let result = direct_start(&field, &function, &options, |p| show(&bar, p));
+    let result = direct_start(&field, &function, &options, |p| {
+        if args.progress_lines {
+            print_line(&format!("progress {} {} {}", p.done, p.of, p.stage));
+        } else {
+            show(&bar, p);
+        }
+    });
     bar.finish_and_clear();
     let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
     start.scene.orientation = orientation;

@@ -11,6 +11,7 @@ use sg_scene::model::{BaseUnit, Convention, Gaussians, Harmonics, Scene, SceneBo
 use sg_scene::recolor::{BRIGHTNESS, KEPT, recolored};
 
 use crate::error::EditError;
+use crate::placement::placed;
 use crate::state::{EditState, Unit};
 
 /// Most base units that edits make: as many as a scene file may have.
@@ -57,7 +58,8 @@ impl EditState {
         if mask.is_none() { Err(EditError::EmptyTarget(phrase)) } else { Ok(mask) }
     }
 
-    /// The Gaussians of `members` with their edited colours and opacities, as a scene of its own. `scene` is the opened one.
+    /// The Gaussians of `members` with their edited colours, opacities and places, as a scene of its own. `scene` is the opened
+    /// one, as its file has it.
     /// Hidden Gaussians among them are visible there. A choice of all keeps the box of strokes; another choice gets the box of
     /// its centres.
     ///
@@ -67,6 +69,8 @@ impl EditState {
     /// # Errors
     /// [`EditError::TooMany`] where more than 4,096 parts look different.
     pub fn edited(&self, scene: &Scene, members: &Mask) -> Result<Scene, EditError> {
+        let moved = (!self.placements().is_empty()).then(|| placed(scene, self.placements()));
+        let scene = moved.as_ref().unwrap_or(scene);
         let mut units: Vec<BaseUnit> = Vec::new();
         for (base, look) in scene.units.iter().zip(self.base_units()) {
             for (part, rows) in self.parts(base, look.opacity, members) {
@@ -74,7 +78,8 @@ impl EditState {
                     let remedy = "write fewer units at a time";
                     return Err(EditError::TooMany { what: "parts of different looks", limit: MAX_PARTS, remedy });
                 }
-                let color = self.units.get(&part.color).and_then(|unit| unit.color);
+                let given = self.units.get(&part.color).and_then(|unit| unit.color);
+                let color = given.or_else(|| base.tint(look.palette));
                 let named = self.units.get(&part.name).map_or(&base.name, |unit| &unit.name);
                 units.push(BaseUnit {
                     name: free_name(named, &units),

@@ -9,6 +9,7 @@ use sg_proto::scene::{Change as ChangeMessage, Command, CommandResult, Event, St
 
 use super::error::EditError;
 use super::history::{Entry, History, HistoryMove};
+use super::placement::PlacedScene;
 use super::replica::ReplicaError;
 use super::state::{Change, EditState};
 use super::transaction::{Transaction, affected_units};
@@ -22,7 +23,7 @@ const HISTORY_LINES: usize = 20;
 /// summaries everywhere.
 #[derive(Debug, Clone)]
 pub struct Editor {
-    scene: Arc<Scene>,
+    scene: PlacedScene,
     initial: EditState,
     state: EditState,
     history: History,
@@ -43,14 +44,15 @@ pub struct Applied {
 }
 
 impl EditState {
-    /// This state after an action, for a display that previews a change. Without a history, undo and redo are refused
-    /// and reset changes nothing.
+    /// This state after an action, for a display that previews a change. `scene` is the present one, with Gaussians where this
+    /// state has them. Without a history, undo and redo are refused and reset changes nothing.
     ///
     /// # Errors
     /// [`EditError`] as the scene's owner would refuse the action.
     pub fn after(&self, scene: &Arc<Scene>, action: Action) -> Result<Self, EditError> {
         let next_unit = self.units.keys().next_back().map_or(1, |last| last + 1);
-        let editor = Editor { next_unit, ..Editor::new(Arc::clone(scene), self.clone()) };
+        let shown = PlacedScene::shown(Arc::clone(scene), self);
+        let editor = Editor { next_unit, scene: shown, ..Editor::new(Arc::clone(scene), self.clone()) };
         let command = Command { id: "draft".to_owned(), expected_revision: 0, action: Some(action) };
         Ok(editor.execute(&command)?.0)
     }
@@ -60,12 +62,13 @@ impl Editor {
     /// The owner of a state as a scene is opened; `initial` is [`EditState::of_scene`] of it.
     #[must_use]
     pub fn new(scene: Arc<Scene>, initial: EditState) -> Self {
+        let scene = PlacedScene::new(scene);
         Self { scene, state: initial.clone(), initial, history: History::default(), next_unit: 1 }
     }
 
     /// The owner of a state as it was stored.
     pub fn restored(scene: Arc<Scene>, initial: EditState, state: EditState, history: History, next_unit: u64) -> Self {
-        Self { scene, initial, state, history, next_unit }
+        Self { scene: PlacedScene::new(scene), initial, state, history, next_unit }
     }
 
     /// The present state.
@@ -74,8 +77,9 @@ impl Editor {
         &self.state
     }
 
-    pub(super) fn scene(&self) -> &Scene {
-        &self.scene
+    /// The scene with Gaussians where the present state has them.
+    pub(super) fn scene(&self) -> Arc<Scene> {
+        self.scene.of(&self.state)
     }
 
     /// The state as it was when the scene was opened.
@@ -215,6 +219,7 @@ impl Editor {
             Action::DeleteGaussians(a) => transaction.delete_gaussians(a)?,
             Action::SetLock(a) => transaction.set_lock(a)?,
             Action::RestoreGaussians(_) => transaction.restore_gaussians()?,
+            Action::TransformGaussians(a) => transaction.transform_gaussians(a)?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
@@ -266,7 +271,13 @@ fn snapshot_bytes(state: &EditState) -> usize {
     let mask = state.count().div_ceil(8) + 64;
     let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
     let deleted = usize::from(!state.deleted.is_none()) + state.units().filter(|u| u.deleted.is_some()).count();
-    mask * (state.units.len() + deleted) + 64 + state.selection.bytes() + names + state.geometry.path.len() + (64 << 10)
+    mask * (state.units.len() + deleted + state.placements.len())
+        + 64
+        + state.selection.bytes()
+        + names
+        + 128 * state.placements.len()
+        + state.geometry.path.len()
+        + (64 << 10)
 }
 
 /// Whether an id can name a command: not empty, at most 128 bytes.

@@ -88,9 +88,9 @@ impl Transaction<'_> {
                 }
                 Some(side) => {
                     let look = self.state.appearance();
-                    let orientation = self.scene.orientation.with_up(self.state.up);
-                    let view =
-                        framed(self.scene, &look, orientation.direction_and_up(side), present.fov_y_degrees, 1.0);
+                    let scene = self.scene.of(&self.state);
+                    let orientation = scene.orientation.with_up(self.state.up);
+                    let view = framed(&scene, &look, orientation.direction_and_up(side), present.fov_y_degrees, 1.0);
                     (view, format!("looked from the {}", side_name(side)))
                 }
             },
@@ -106,9 +106,10 @@ impl Transaction<'_> {
             }
             Change::Up(axis) => {
                 self.state.up = decode_axis(*axis).map_err(|e| malformed(&e))?;
-                let orientation = self.scene.orientation.with_up(self.state.up);
+                let scene = self.scene.of(&self.state);
+                let orientation = scene.orientation.with_up(self.state.up);
                 let (look, sight) = (self.state.appearance(), orientation.direction_and_up(Side::Front));
-                let view = framed(self.scene, &look, sight, present.fov_y_degrees, 1.0);
+                let view = framed(&scene, &look, sight, present.fov_y_degrees, 1.0);
                 (view, format!("turned {} up", orientation.up().name()))
             }
             Change::Zoom(factor) => {
@@ -117,7 +118,7 @@ impl Transaction<'_> {
             }
             Change::Focus(target) => {
                 let target = self.state.resolve(Some(target))?;
-                let bounds = robust_bounds(self.scene, &target.members)
+                let bounds = robust_bounds(&self.scene.of(&self.state), &target.members)
                     .ok_or_else(|| EditError::NothingToSee(target.phrase.clone()))?;
                 if !target.names.is_empty() {
                     self.focus_on(target.names);
@@ -131,7 +132,7 @@ impl Transaction<'_> {
     }
 
     /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
-    /// Gaussians stay deleted, and locked units keep their look.
+    /// Gaussians stay deleted, moved ones stay where they are, and locked units keep their look.
     pub(super) fn reset(&mut self) -> String {
         for (base, initial) in self.state.base.iter_mut().zip(&self.initial.base) {
             if !base.locked {

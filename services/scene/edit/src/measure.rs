@@ -16,7 +16,7 @@ impl Editor {
     pub fn measure(&self, request: &MeasureRequest) -> Result<Measure, EditError> {
         let target = self.state().resolve(request.target.as_ref())?;
         let scene = self.scene();
-        let found = size(scene, &target.members).ok_or(EditError::EmptyTarget(target.phrase))?;
+        let found = size(&scene, &target.members).ok_or(EditError::EmptyTarget(target.phrase))?;
         Ok(Measure {
             revision: self.state().revision(),
             count: target.members.count() as u64,

@@ -16,6 +16,8 @@ use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::Axis;
 use sg_scene::view::View;
 
+use super::placement::{self, Placement};
+
 /// A base unit as edits see it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BaseUnitState {
@@ -154,6 +156,7 @@ pub struct EditState {
     pub(crate) units: BTreeMap<u64, Unit>,
     pub(crate) selection: Selection,
     pub(crate) deleted: Arc<Mask>,
+    pub(crate) placements: Arc<[Placement]>,
     pub(crate) light: Light,
     pub(crate) background: Vec3,
     pub(crate) view: View,
@@ -193,6 +196,7 @@ impl EditState {
             units: BTreeMap::new(),
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
             deleted: Arc::new(Mask::empty(scene.len())),
+            placements: Arc::new([]),
             light: look.light,
             background: look.background,
             view: initial_view(scene),
@@ -351,6 +355,8 @@ pub enum Change {
     Selection(Selection),
     /// All deleted Gaussians.
     DeletedGaussians(Arc<Mask>),
+    /// All Gaussians that are not where the file has them.
+    Placements(Arc<[Placement]>),
     /// The light.
     Light(Light),
     /// The background.
@@ -412,6 +418,10 @@ impl EditState {
                 fits(&deleted)?;
                 self.deleted = deleted;
             }
+            Change::Placements(placements) => {
+                placements.iter().try_for_each(|part| fits(&part.members))?;
+                self.placements = placements;
+            }
             Change::Light(light) => self.light = light,
             Change::Background(color) => self.background = color,
             Change::View(view) => self.view = view,
@@ -443,6 +453,9 @@ impl EditState {
         }
         if !Arc::ptr_eq(&self.deleted, &after.deleted) && self.deleted != after.deleted {
             changes.push(Change::DeletedGaussians(Arc::clone(&after.deleted)));
+        }
+        if !placement::same(&self.placements, &after.placements) {
+            changes.push(Change::Placements(Arc::clone(&after.placements)));
         }
         if self.light != after.light {
             changes.push(Change::Light(after.light));

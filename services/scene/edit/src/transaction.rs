@@ -1,15 +1,15 @@
 //! The transaction of one command.
 
 use super::error::EditError;
+use super::placement::PlacedScene;
 use super::state::{Change, EditState, Unit};
 use sg_proto::limits::MAX_UNITS;
-use sg_scene::model::Scene;
 
 /// A copy of the state that one command changes; dropped if the command is refused.
 #[derive(Debug)]
 pub(super) struct Transaction<'a> {
     /// The geometry, for framing.
-    pub(super) scene: &'a Scene,
+    pub(super) scene: &'a PlacedScene,
     /// The state as the scene was opened.
     pub(super) initial: &'a EditState,
     /// The state being changed.

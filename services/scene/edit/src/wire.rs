@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
+use super::placement_message::{decode_placements, encode_placements};
 use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
@@ -46,6 +47,11 @@ pub enum WireError {
         /// The mismatch.
         source: sg_scene::mask::MaskBytesError,
     },
+    /// A map of Gaussians that is none.
+    #[error(
+        "`{0}` is no similarity: it has a rotation of four numbers and unit length, a finite scale above 0 and a finite translation"
+    )]
+    Similarity(&'static str),
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
@@ -62,6 +68,7 @@ impl WireError {
     pub fn field(&self) -> &'static str {
         match self {
             Self::Missing(field)
+            | Self::Similarity(field)
             | Self::Kind { field, .. }
             | Self::Length { field, .. }
             | Self::Bits { field, .. }
@@ -371,6 +378,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Deleted(id) => Item::DeletedUnit(*id),
         Change::Selection(selection) => Item::Selection(encode_selection(selection, true)),
         Change::DeletedGaussians(mask) => Item::DeletedGaussians(encode_mask(mask)),
+        Change::Placements(parts) => Item::Placements(encode_placements(parts)),
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
@@ -395,6 +403,7 @@ pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, 
         Item::DeletedGaussians(mask) => {
             Change::DeletedGaussians(Arc::new(decode_mask(mask, expected, "change.deleted_gaussians")?))
         }
+        Item::Placements(parts) => Change::Placements(decode_placements(parts, expected)?),
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
@@ -428,6 +437,7 @@ impl EditState {
             undo: Vec::new(),
             redo: Vec::new(),
             deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
+            placements: (with_masks && !self.placements.is_empty()).then(|| encode_placements(&self.placements)),
             // Only the owner has it.
             project_path: String::new(),
         }
@@ -458,6 +468,7 @@ impl EditState {
             selection: decode_selection(selection, expected)?,
             deleted: decode_optional(state.deleted.as_ref(), expected, "state.deleted")?
                 .unwrap_or_else(|| Arc::new(Mask::empty(expected))),
+            placements: decode_placements(&state.placements.clone().unwrap_or_default(), expected)?,
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,

@@ -24,17 +24,20 @@
 //! assert_eq!((scene.bounds.min, scene.bounds.max), (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0)));
 //! ```
 
+pub mod affine;
 pub mod appearance;
 pub mod camera;
 pub mod camera_motion;
 pub mod camera_path;
 mod content_hash;
 pub mod framing;
+mod harmonics_rotation;
 pub mod mask;
 pub mod model;
 pub mod orientation;
 pub mod recolor;
 mod rows;
+pub mod similarity;
 pub mod size;
 pub mod subject;
 pub mod symmetric3;

@@ -284,6 +284,15 @@ impl BaseUnit {
     pub fn range(&self) -> Range<usize> {
         self.first..self.first + self.gaussians.len()
     }
+
+    /// The colour that a palette gives to a unit of trained splats, whose colours are harmonics alone: that of the palette, unless
+    /// it is the file's own. It replaces their hue as the colour of a saved unit does
+    /// ([`recolored_unlit`](crate::recolor::recolored_unlit)). Other units add the palette to their colours.
+    #[must_use]
+    pub fn tint(&self, palette: Vec3) -> Option<Vec3> {
+        let is_trained = self.gaussians.shading.is_none() && self.gaussians.harmonics.is_some();
+        (is_trained && palette != self.palette).then_some(palette)
+    }
 }
 
 /// A scene: base units in order. The scene-wide index of a Gaussian counts through the units.

@@ -4,6 +4,8 @@
 //! densities there: 1 − Π(1 − αᵢ·exp(−dᵢ²/2)) ≥ ½, with the opacity αᵢ of the file and the Mahalanobis distance dᵢ. A fit puts its
 //! Gaussians on surfaces, so the volume that they enclose counts too.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::f32::consts::LN_2;
 use std::ops::Range;
 
@@ -28,8 +30,9 @@ const LEAST: f64 = 1e-3;
 /// Least share of light that a cell of a closed surface hides. Between the Gaussians of a surface it is less than half.
 const BARRIER: f32 = 0.05;
 
-/// Gaussians that the width of a surface's rim is taken from.
-const RIMS: usize = 1001;
+/// Least density on a way up the outer side of a surface, as a share of the highest one before. Between cells of one side the
+/// density wavers by less; beyond the crest of a thin surface it falls further.
+const RISING: f32 = 0.9;
 
 /// Gaussians that are added at a time.
 const PART: usize = 1 << 18;
@@ -86,7 +89,7 @@ pub fn size(scene: &Scene, members: &Mask) -> Option<Size> {
     let cells = Cells::around(reached);
     let depths = cells.optical_depths(ellipsoids());
     let inside = depths.iter().filter(|depth| **depth >= LN_2).count();
-    let enclosed = depths.len() - cells.outside(&depths, rim(scene, members), &cells.within(scene.bounds));
+    let enclosed = depths.len() - cells.outside(&depths, &cells.within(scene.bounds));
     let cell = cells.edge.powi(3);
     Some(Size { extent: max - min, occupied: cell * inside as f64, enclosed: cell * enclosed as f64 })
 }
@@ -196,9 +199,10 @@ impl Cells {
     }
 
     /// Number of cells that lie outside. A way leads to them from the edge of the grid, over faces of cells that hide less than
-    /// [`BARRIER`]: what is thinner closes no surface. From there on it goes as deep as `rim`, a length, through cells outside the
-    /// Gaussians. No way leads through the sides of the scene's box, `within`: a volume cuts what it holds open there.
-    fn outside(&self, depths: &[f32], rim: f64, within: &[Range<usize>; 3]) -> usize {
+    /// [`BARRIER`]: what is thinner closes no surface. From there on the way goes up the outer side of what closes, through cells
+    /// outside the Gaussians ([`RISING`]). No way leads through the sides of the scene's box, `within`: a volume cuts what it holds
+    /// open there.
+    fn outside(&self, depths: &[f32], within: &[Range<usize>; 3]) -> usize {
         let [width, height, layers] = self.count.to_array().map(|n| n as usize);
         let place = |at: usize| [at % width, at / width % height, at / (width * height)];
         let is_within = |at: usize| place(at).into_iter().zip(within).all(|(x, range)| range.contains(&x));
@@ -223,41 +227,27 @@ impl Cells {
         let mut reached: Vec<bool> = (0..depths.len()).map(|at| !is_within(at) && depths[at] < LN_2).collect();
         let mut open: Vec<usize> = (0..depths.len()).filter(|at| is_within(*at) && begins(*at)).collect();
         open.retain(|at| depths[*at] < barrier);
-        let mut front = Vec::new();
+        // Least first, by the highest density on the way: each cell is then reached by the lowest way.
+        let mut climbs = BinaryHeap::new();
+        let climb = |to: usize, highest: f32| Reverse((depths[to].max(highest).to_bits(), to));
         while let Some(at) = open.pop() {
             if std::mem::replace(&mut reached[at], true) {
                 continue;
             }
             for to in neighbours(at).filter(|to| !reached[*to] && is_within(*to)) {
-                if depths[to] < barrier { open.push(to) } else { front.push(to) }
+                if depths[to] < barrier { open.push(to) } else { climbs.push(climb(to, 0.0)) }
             }
         }
-        for _ in 0..(rim / self.edge).round() as usize {
-            let mut next = Vec::new();
-            for at in front {
-                if depths[at] < LN_2 && !std::mem::replace(&mut reached[at], true) {
-                    next.extend(neighbours(at).filter(|to| !reached[*to]));
-                }
+        while let Some(Reverse((bits, at))) = climbs.pop() {
+            let highest = f32::from_bits(bits);
+            if depths[at] >= LN_2 || std::mem::replace(&mut reached[at], true) {
+                continue;
             }
-            front = next;
+            let rising = |to: &usize| !reached[*to] && depths[*to] >= RISING * highest;
+            climbs.extend(neighbours(at).filter(rising).map(|to| climb(to, highest)));
         }
         reached.iter().filter(|is_reached| **is_reached).count()
     }
-}
-
-/// Median distance over which a Gaussian fades from half of the light to the barrier, along its shortest axis.
-fn rim(scene: &Scene, members: &Mask) -> f64 {
-    let of = |i: usize| {
-        let (unit, local) = scene.locate(i)?;
-        let scale = DMat3::from_mat4(unit.transform).determinant().abs().cbrt();
-        let opacity = f64::from(unit.gaussians.opacity(local)).min(OPAQUE);
-        let deviation = scale * f64::from(unit.gaussians.scale(local).min_element());
-        let rim = deviation * (radius(opacity, BARRIER.into()) - radius(opacity, 0.5));
-        rim.is_finite().then_some(rim)
-    };
-    let mut rims: Vec<f64> = members.samples(RIMS).into_iter().filter_map(of).collect();
-    rims.sort_by(f64::total_cmp);
-    rims.get(rims.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -324,8 +314,15 @@ mod tests {
         let truth = 4.0 / 3.0 * PI * 20.0_f64.powi(3);
         assert!(extent.min_element() > 40.0 && extent.max_element() < 43.0, "{extent}");
         assert!(enclosed > truth && enclosed < 1.25 * truth && occupied < 0.5 * truth, "{occupied} {enclosed} {truth}");
-        let open: Vec<DVec3> = points.into_iter().filter(|p| p.z < 12.0).collect();
-        let bowl = whole(&scene_of(&open, 0.8, 0.9));
+        let mut open: Vec<DVec3> = points.into_iter().filter(|p| p.z < 12.0).collect();
+        // A volume that ends where the bowl does has cut it open there.
+        let cut = whole(&scene_of(&open, 0.8, 0.9));
+        let missing = PI * 8.0 * 8.0 * (20.0 - 8.0 / 3.0);
+        assert!(cut.enclosed > truth - missing && cut.enclosed < enclosed, "{cut:?}");
+        // In a larger scene the bowl is open.
+        open.push(DVec3::new(0.0, 0.0, 40.0));
+        let scene = scene_of(&open, 0.8, 0.9);
+        let bowl = size(&scene, &Mask::from_fn(open.len(), |i| i + 1 < open.len())).unwrap();
         assert!(close(bowl.enclosed, bowl.occupied, 0.05), "{bowl:?}");
     }
 

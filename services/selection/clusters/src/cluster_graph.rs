@@ -132,6 +132,20 @@ impl ClusterGraph {
         Network::new(self.clusters, edges.into_iter())
     }
 
+    /// The graph with those edges alone that `keep` is true of, by the ids of both clusters. Clusters and components stay.
+    #[must_use]
+    pub fn keeping(&self, keep: impl Fn(u32, u32) -> bool) -> Self {
+        let kept = |unit: &CsMatI<Distances, u32>| {
+            let edges: Vec<_> = links(unit).filter(|l| keep(l.u, l.v)).map(|l| (l.u, l.v, l.distances)).collect();
+            symmetric(self.clusters, &edges)
+        };
+        Self {
+            clusters: self.clusters,
+            units: self.units.iter().map(kept).collect(),
+            component: self.component.clone(),
+        }
+    }
+
     /// Every edge of all base units once, unit after unit, ascending by (u, v).
     pub fn links(&self) -> impl Iterator<Item = Link> + '_ {
         self.units.iter().flat_map(links)

@@ -34,7 +34,7 @@ use crate::wire;
 
 mod prepared;
 
-use prepared::{Params, prepare};
+use prepared::{Params, Places, prepare};
 
 /// Length of the request queue.
 const QUEUE: usize = 8;
@@ -59,27 +59,29 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let geometry = state.geometry();
     let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let prepared = tokio::task::block_in_place(|| prepare(&path, &geometry.hash, &params, walk, &cache))?;
+    let mut prepared = prepared;
+    let index = tokio::task::block_in_place(|| prepared.places.index_of(&state));
     tracing::info!(
-        clusters = prepared.index.clusters(),
+        clusters = index.clusters(),
         from_cache = prepared.from_cache,
         clustering_ms = prepared.clustering_ms,
         "clustered"
     );
 
     let labels_path = host.blobs().folder().join("labels.npy");
-    let (labels_hash, _) = npy::write_labels(&labels_path, &prepared.labels)
+    let (labels_hash, _) = npy::write_labels(&labels_path, prepared.places.labels())
         .map_err(|e| e.to_string())
         .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
         .map_err(StartError::Failed)?;
     let state_message = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
-        clusters: u32::try_from(prepared.index.clusters()).unwrap_or(u32::MAX),
+        clusters: u32::try_from(index.clusters()).unwrap_or(u32::MAX),
         clustering_ms: prepared.clustering_ms,
         from_cache: prepared.from_cache,
         labels_hash,
         labels_path: labels_path.display().to_string(),
-        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&prepared.index)).tuning())),
+        tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&index)).tuning())),
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
@@ -88,8 +90,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
 
     let selector = Selector {
         bus: host.bus().clone(),
-        session: SelectionSession::new(Arc::clone(&prepared.index)),
-        whole: prepared.index,
+        session: SelectionSession::new(Arc::clone(&index)),
+        indexed: (Arc::clone(&index), index),
+        places: prepared.places,
         scene,
         open: None,
         answered: 0,
@@ -143,14 +146,18 @@ struct OpenStroke {
     over: String,
     /// Gaussians that could not be selected then.
     unselectable: Mask,
+    /// The state that it was begun in.
+    state: Arc<EditState>,
     preview: Preview,
 }
 
 /// The actor of the selection. It handles one request at a time.
 struct Selector {
     bus: Bus,
-    /// The index of the whole scene, as it was opened.
-    whole: Arc<SelectionIndex>,
+    /// The index of the scene wherever edits put its Gaussians.
+    places: Places,
+    /// The newest index of the whole scene, and the same one without Gaussians that cannot be selected.
+    indexed: (Arc<SelectionIndex>, Arc<SelectionIndex>),
     session: SelectionSession,
     scene: SceneReplica<Replica>,
     open: Option<OpenStroke>,
@@ -286,7 +293,7 @@ impl Selector {
     }
 
     /// The session of the scene's selection, rebuilt if another client changed it.
-    fn present(&self, state: &EditState) -> Result<SelectionSession, Fault> {
+    fn present(&mut self, state: &EditState) -> Result<SelectionSession, Fault> {
         let gaussians = self.session.mask().len();
         let selection = state.selection();
         let decoded = selection.steps().iter().map(|step| wire::decode(step, gaussians));
@@ -302,16 +309,20 @@ impl Selector {
         SelectionSession::of_steps(&index, &steps).map_err(|e| Fault::internal(e.to_string()))
     }
 
-    /// The index without the Gaussians that are deleted or locked in `state`: that of the session, unless these are others now.
-    fn index_of(&self, state: &EditState) -> Arc<SelectionIndex> {
-        let (index, unselectable) = (self.session.index(), state.unselectable());
-        if **index.left_out() == unselectable {
-            Arc::clone(index)
-        } else if unselectable.is_none() {
-            Arc::clone(&self.whole)
-        } else {
-            Arc::new(self.whole.without(&Arc::new(unselectable)))
+    /// The index of the places of `state`, without the Gaussians that are deleted or locked in it: the former one, unless these
+    /// are others now.
+    fn index_of(&mut self, state: &EditState) -> Arc<SelectionIndex> {
+        let (whole, unselectable) = (self.places.index_of(state), state.unselectable());
+        let is_known = Arc::ptr_eq(&self.indexed.0, &whole) && **self.indexed.1.left_out() == unselectable;
+        if !is_known {
+            let index = if unselectable.is_none() {
+                Arc::clone(&whole)
+            } else {
+                Arc::new(whole.without(&Arc::new(unselectable)))
+            };
+            self.indexed = (whole, index);
         }
+        Arc::clone(&self.indexed.1)
     }
 
     /// Updates the session to the scene's selection and adds the new steps. On an error nothing changes.
@@ -356,10 +367,9 @@ impl Selector {
         let state = self.local_state();
         let over = state.selection().hash();
         let unselectable = state.unselectable();
-        let goes_on = self
-            .open
-            .as_ref()
-            .is_some_and(|o| o.name == request.stroke && o.over == over && o.unselectable == unselectable);
+        let goes_on = self.open.as_ref().is_some_and(|o| {
+            o.name == request.stroke && o.over == over && o.unselectable == unselectable && o.state.is_placed_as(&state)
+        });
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
             // The selection below has changed: replay the stroke over the new one.
@@ -369,7 +379,8 @@ impl Selector {
                 let Stroke { points, pressure, .. } = earlier.preview.stroke();
                 preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
             }
-            self.open = Some(OpenStroke { name: request.stroke.clone(), over: over.to_owned(), unselectable, preview });
+            let (name, over) = (request.stroke.clone(), over.to_owned());
+            self.open = Some(OpenStroke { name, over, unselectable, state: Arc::clone(&state), preview });
             self.session = session;
         }
         let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;

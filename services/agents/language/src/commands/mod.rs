@@ -6,6 +6,7 @@ mod background;
 mod color;
 pub(crate) mod command;
 mod delete;
+mod files;
 mod frame;
 pub(crate) mod help;
 mod history;

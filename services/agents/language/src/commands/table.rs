@@ -7,8 +7,8 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    background, color, delete, frame, help as help_command, history, light, lock, naming, opacity, orbit, question,
-    selection, shading, viewpoint, visibility, zoom,
+    background, color, delete, files, frame, help as help_command, history, light, lock, naming, opacity, orbit,
+    question, selection, shading, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -35,6 +35,10 @@ pub(crate) const TABLE: &[Command] = &[
     delete::REMOVE_NAME,
     lock::LOCK,
     lock::UNLOCK,
+    files::SAVE_PICTURE,
+    files::SAVE_COPY,
+    files::EXPORT,
+    files::OPEN,
     question::LIST,
     question::QUERY_SELECTION,
     question::DESCRIBE,

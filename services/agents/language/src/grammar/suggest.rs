@@ -10,8 +10,8 @@ use crate::commands::help::with_names;
 use crate::commands::table::TABLE;
 use crate::syntax::token::{self, Kind, Token};
 
-/// Commands on saved units alone. A suggestion with another unit's name would be refused.
-const NEEDS_SAVED: [Act; 2] = [Act::Rename, Act::Delete];
+/// Commands whose examples may be refused: those on saved units alone, and the one on a file that has to be there.
+const MAY_BE_REFUSED: [Act; 3] = [Act::Rename, Act::Delete, Act::Open];
 
 /// Largest number of suggestions.
 pub(super) const MAX_SUGGESTIONS: usize = 3;
@@ -78,7 +78,7 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
         .map(|t| t.lemma)
         .collect();
     let mut scored: Vec<(usize, &str)> = Vec::new();
-    for entry in TABLE.iter().filter(|entry| !NEEDS_SAVED.contains(&entry.act)) {
+    for entry in TABLE.iter().filter(|entry| !MAY_BE_REFUSED.contains(&entry.act)) {
         // A new name is none of a unit that exists.
         for example in entry.examples.iter().filter(|e| entry.act != Act::Label || !e.contains("{unit}")) {
             let shared = token::tokens(example).iter().filter(|t| lemmas.contains(&t.lemma)).count();
@@ -112,10 +112,13 @@ mod tests {
 
     #[test]
     fn nothing_is_suggested_that_a_unit_of_the_file_refuses() {
-        for said in ["please rename the pot somehow", "forget about the name", "save it as the pot, would you"] {
+        for said in
+            ["please rename the pot somehow", "forget about the name", "save it as the pot, would you", "open up"]
+        {
             let found = examples(&[said.to_owned()], &["pot"]);
-            let refused =
-                |e: &String| ["rename", "forget", "remove the name", "as pot", "update"].iter().any(|w| e.contains(w));
+            let refused = |e: &String| {
+                ["rename", "forget", "remove the name", "as pot", "update", "open"].iter().any(|w| e.contains(w))
+            };
             assert!(!found.iter().any(refused), "{said}: {found:?}");
         }
     }

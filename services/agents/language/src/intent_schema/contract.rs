@@ -25,6 +25,9 @@ pub(super) const MAX_CLAUSES: usize = 16;
 /// Largest number of items in another list.
 pub(super) const MAX_ITEMS: usize = 16;
 
+/// Largest number of characters of a file's path.
+const MAX_FILE_CHARS: usize = 1024;
+
 /// Bounds by full name without `supergaussian.`. They follow the documentation of the contract, or prevent a useless
 /// picture. Numbers and texts without a bound are not part of the schema.
 pub(super) const BOUNDS: &[(&str, Bound)] = &[
@@ -32,6 +35,7 @@ pub(super) const BOUNDS: &[(&str, Bound)] = &[
     ("language.v1.Clause.words", Bound::MaxChars(MAX_UTTERANCE_BYTES)),
     ("language.v1.Clause.color_name", Bound::MaxChars(40)),
     ("language.v1.Clause.name", Bound::MaxChars(MAX_NAME_BYTES)),
+    ("language.v1.Clause.file", Bound::MaxChars(MAX_FILE_CHARS)),
     ("language.v1.Clause.amount", Bound::Number(0.0, 1000.0)),
     ("language.v1.Reference.names", Bound::MaxChars(MAX_NAME_BYTES)),
     ("scene.v1.Color.red", Bound::Number(0.0, 1.0)),

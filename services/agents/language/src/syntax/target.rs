@@ -320,7 +320,7 @@ fn unknown<'t>(input: &Input<'t>, not_an_opening: bool, found: &mut Vec<(Target,
         let fits = match last.kind {
             Kind::Word => !SENTENCE_WORDS.contains(last.text.as_str()),
             Kind::Number(_) => length > 1,
-            Kind::Quoted | Kind::Color(_) | Kind::Mark(_) => false,
+            Kind::Quoted | Kind::Color(_) | Kind::File | Kind::Mark(_) => false,
         };
         if !fits {
             return;

@@ -1,4 +1,4 @@
-//! Tokens of a text: words with lemmas, numbers, colour literals, quoted names, marks.
+//! Tokens of a text: words with lemmas, numbers, colour literals, quoted names, files, marks.
 
 use std::sync::LazyLock;
 
@@ -21,8 +21,32 @@ pub(crate) enum Kind {
     Quoted,
     /// A colour: `#rrggbb`, `rgb(…)` or another CSS function. RGB from 0 to 1.
     Color([f32; 3]),
+    /// A file by its name or path, with one of [`FILE_ENDINGS`]. The text keeps its capitals.
+    File,
     /// Any other character except white space.
     Mark(char),
+}
+
+/// Endings of the files that people name. A word with a dot and another ending is two sentences.
+const FILE_ENDINGS: [&str; 28] = [
+    ".ply", ".splat", ".ksplat", ".spz", ".sog", ".toml", ".sgproj", ".png", ".jpg", ".jpeg", ".webp", ".json", ".npy",
+    ".nrrd", ".nhdr", ".nii", ".nii.gz", ".vti", ".raw", ".raw.gz", ".raw.zst", ".zst", ".mhd", ".mha", ".dcm", ".tif",
+    ".tiff", ".h5",
+];
+
+/// Most characters of a path.
+const MAX_PATH: usize = 1024;
+
+/// Whether a text is the name or path of a file that people name: with a known ending, or from the root or the home folder.
+pub(crate) fn is_file(text: &str) -> bool {
+    let rooted = text.strip_prefix("~/").or_else(|| text.strip_prefix('/'));
+    has_known_ending(text) || rooted.is_some_and(|rest| rest.starts_with(char::is_alphanumeric))
+}
+
+/// Whether a path ends as one of the files that people name.
+pub(crate) fn has_known_ending(path: &str) -> bool {
+    let name = path.rsplit('/').next().unwrap_or_default().to_lowercase();
+    FILE_ENDINGS.iter().any(|ending| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()))
 }
 
 /// A token with its position.
@@ -30,7 +54,7 @@ pub(crate) enum Kind {
 pub(crate) struct Token {
     /// The kind.
     pub(crate) kind: Kind,
-    /// The text in lower case.
+    /// The text in lower case; a quotation and a file as they were written.
     pub(crate) text: String,
     /// The lemma: the stem of a word, or else the text.
     pub(crate) lemma: String,
@@ -124,7 +148,7 @@ pub(crate) fn normalized_name(name: &str) -> Vec<String> {
         .flat_map(|t| match t.kind {
             Kind::Quoted => normalized_name(&t.text),
             Kind::Mark(_) => Vec::new(),
-            Kind::Word | Kind::Number(_) | Kind::Color(_) => vec![t.lemma],
+            Kind::Word | Kind::Number(_) | Kind::Color(_) | Kind::File => vec![t.lemma],
         })
         .collect();
     if lemmas.len() > 1 && matches!(lemmas.first().map(String::as_str), Some("the" | "a" | "an")) {
@@ -165,7 +189,22 @@ fn token(input: &mut Input<'_>, before: Option<&Token>) -> Outcome<((Kind, Strin
     };
     let quotation = |input: &mut Input<'_>| if behind_word { Err(EmptyError) } else { quoted(input) };
     let mark = any.map(|c: char| (Kind::Mark(c), c.to_string()));
-    alt((literal_color, apostrophe, quotation, number, plain_word, mark)).with_span().parse_next(input)
+    alt((literal_color, file, apostrophe, quotation, number, plain_word, mark)).with_span().parse_next(input)
+}
+
+/// Parses a path up to a space, without the marks of the sentence behind it.
+fn file(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
+    let start = input.checkpoint();
+    let inside = |c: char| !c.is_whitespace() && !"\"'“”‘’„«»`()<>|,;!?".contains(c);
+    let text: &str = take_while(1..=MAX_PATH, inside).parse_next(input)?;
+    let path = text.trim_end_matches(['.', ':']);
+    input.reset(&start);
+    if !is_file(path) {
+        return Err(EmptyError);
+    }
+    let length = path.chars().count();
+    let path: &str = take_while(length..=length, inside).parse_next(input)?;
+    Ok((Kind::File, path.to_owned()))
 }
 
 fn literal_color(input: &mut Input<'_>) -> Outcome<(Kind, String)> {
@@ -288,6 +327,19 @@ mod tests {
             ["the", "vessels", "'s", "hue", "and", "the", "pots", "'s", "hue"]
         );
         assert_eq!(texts("call it 'left roots'"), ["call", "it", "left roots"]);
+    }
+
+    #[test]
+    fn files_are_one_token_and_sentences_are_not() {
+        let all = tokens("save it as ~/Hearts/Left_Sac.compressed.ply, then open scan-2.NII.gz.");
+        assert_eq!((all[3].kind.clone(), all[3].text.as_str()), (Kind::File, "~/Hearts/Left_Sac.compressed.ply"));
+        assert_eq!(texts("open scan-2.NII.gz."), ["open", "scan-2.NII.gz", "."]);
+        assert_eq!(tokens("open ~/hearts")[1].kind, Kind::File);
+        for said in
+            ["hide it.Make it red", "1/2", "and/or", "/", "~/ x", "zoom 2.5x", "opacity .5", ".ply", "e.g. the sac"]
+        {
+            assert!(tokens(said).iter().all(|t| t.kind != Kind::File), "{said}");
+        }
     }
 
     #[test]

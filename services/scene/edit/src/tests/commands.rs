@@ -146,7 +146,7 @@ fn show_only_hides_all_else_after_any_earlier_hiding() {
     // The sac lies in the hidden vessel.
     run(&mut editor, [visible(units(&["sac"]), true)]);
     assert_eq!(shown(editor.state()), (20..35).chain(40..50).collect::<Vec<_>>());
-    assert!(names(&editor).contains(&"rest of Vessel"));
+    assert!(names(&editor).contains(&"Rest of Vessel"));
     run(&mut editor, [only(units(&["sac"]))]);
     assert_eq!(shown(editor.state()), (40..50).collect::<Vec<_>>());
     run(&mut editor, [only(units(&["skin"]))]);

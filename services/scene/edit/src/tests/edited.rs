@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec3};
 use sg_scene::mask::Mask;
-use sg_scene::model::{Harmonics, Scene, ShadingModel};
+use sg_scene::model::{BaseUnit, Harmonics, Scene, ShadingModel};
 use sg_scene::recolor::{recolored, recolored_unlit};
 use sg_scene::synthetic::{samples, test_scene};
 
@@ -111,6 +111,15 @@ fn trained_splats_keep_their_views_under_a_colour() {
     let state = editor.state();
     let edited = state.edited(&scene, &Mask::full(60)).unwrap();
     assert_eq!(names(&edited), [("donut", 20), ("donut 2", 40)]);
+    // The palette of the unit does the same to the others.
+    let mut tinted = Editor::new(Arc::clone(&scene), EditState::of_scene(&scene, "donut.ply", "hash"));
+    run(&mut tinted, [color(units(&["donut"]), BLUE), commit(|i| i >= 20), color(selection(), RED)]);
+    let both = tinted.state().edited(&scene, &Mask::full(60)).unwrap();
+    let [first, second] = both.units.as_slice() else { panic!("{:?}", names(&both)) };
+    assert_eq!((first.palette, second.palette), (Vec3::Z, Vec3::X));
+    assert_eq!(second.gaussians.harmonics, edited.units[1].gaussians.harmonics);
+    let reds = |unit: &BaseUnit| unit.gaussians.harmonics.as_ref().unwrap().rest.iter().any(|c| c[0] != 0.0);
+    assert!(!reds(first) && reds(second));
     let before = scene.units[0].gaussians.harmonics.as_ref().unwrap();
     let after = edited.units[1].gaussians.harmonics.as_ref().unwrap();
     assert_eq!(edited.units[0].gaussians.harmonics.as_ref().unwrap().dc[..20], before.dc[..20]);

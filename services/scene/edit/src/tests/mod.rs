@@ -4,6 +4,7 @@ mod commands;
 mod deletion;
 mod edited;
 mod lock;
+mod placement;
 mod properties;
 
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use glam::Vec3;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     Color, Command, CommitSelection, DeleteGaussians, RestoreGaussians, SaveUnit, SetColor, SetLock, SetOpacity,
-    SetVisibility, ShowOnly, Target,
+    SetVisibility, ShowOnly, Target, TransformGaussians, Vector,
 };
 
 use super::wire::encode_mask;
@@ -85,6 +86,15 @@ fn restore() -> Action {
 
 fn lock(target: Target, locked: bool) -> Action {
     Action::SetLock(SetLock { target: Some(target), locked })
+}
+
+fn vector([x, y, z]: [f64; 3]) -> Option<Vector> {
+    Some(Vector { x, y, z })
+}
+
+fn shift(target: Target, by: [f64; 3]) -> Action {
+    let target = Some(target);
+    Action::TransformGaussians(TransformGaussians { target, shift: vector(by), ..TransformGaussians::default() })
 }
 
 fn save(name: &str) -> Action {

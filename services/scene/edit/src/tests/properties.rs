@@ -8,6 +8,8 @@ use sg_proto::scene::{
     Event, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetView, Undo,
 };
 
+use sg_scene::similarity::Similarity;
+
 use super::*;
 use crate::{HistoryMove, Replica, UnitRef};
 
@@ -45,6 +47,8 @@ fn action() -> impl Strategy<Value = Action> {
         3 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => on().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        2 => (on(), prop::array::uniform3(-2.0..2.0_f64), -90.0..90.0_f64, prop::option::of(0.5..2.0_f64), prop::bool::weighted(0.2))
+            .prop_map(|(target, by, degrees, factor, restore)| moving(target, by, degrees, factor, restore)),
         1 => (on(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
         1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
         1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
@@ -64,6 +68,29 @@ fn action() -> impl Strategy<Value = Action> {
             Just(ViewChange::Named(NamedView::Top.into())),
         ].prop_map(|change| Action::SetView(SetView { change: Some(change) })),
     ]
+}
+
+/// A move whose shift is its axis and its pivot too.
+fn moving(target: Option<Target>, by: [f64; 3], degrees: f64, factor: Option<f64>, restore: bool) -> Action {
+    if restore {
+        return Action::TransformGaussians(TransformGaussians { target, restore, ..TransformGaussians::default() });
+    }
+    let (pivot, shift, axis) = (vector(by), vector(by), vector(by));
+    Action::TransformGaussians(TransformGaussians {
+        target,
+        pivot,
+        shift,
+        axis,
+        degrees,
+        factor,
+        ..TransformGaussians::default()
+    })
+}
+
+/// Where the edits of a state put Gaussian `i` in relation to its place in the file.
+fn map_of(state: &EditState, i: usize) -> Similarity {
+    let of = |part: &crate::Placement| part.members.get(i).then_some(part.map);
+    state.placements().iter().find_map(of).unwrap_or(Similarity::IDENTITY)
 }
 
 /// The state without the fields that every command changes.
@@ -104,6 +131,25 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
                 );
             }
             prop_assert!(before.deleted().is_subset_of(after.deleted()));
+        }
+        Action::TransformGaussians(a) => {
+            let members = members(before, &a.target.clone().unwrap_or_default()).unwrap();
+            for i in 0..60 {
+                prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
+                let (was, is) = (map_of(before, i), map_of(after, i));
+                if !members.get(i) {
+                    // A deleted Gaussian goes with its unit.
+                    prop_assert!(is == was || before.deleted().get(i), "{}", i);
+                } else if a.restore {
+                    prop_assert_eq!(is, Similarity::IDENTITY, "{}", i);
+                } else if let Some(by) = &a.shift {
+                    // The pivot is the shift, so it goes to its double.
+                    let by = crate::wire::decode_vector(by);
+                    let pivot = was.inverse().apply(by);
+                    prop_assert!((is.apply(pivot) - 2.0 * by).length() < 1e-9, "{}", i);
+                }
+            }
+            prop_assert_eq!(after.selection().hash(), before.selection().hash());
         }
         Action::SetLock(_) => {
             for i in 0..60 {
@@ -197,6 +243,10 @@ fn check_state(state: &EditState) -> Result<(), TestCaseError> {
     }
     prop_assert_eq!(state.existing_count(), 60 - state.deleted().count());
     prop_assert!(state.deleted().ones().all(|i| !drawn(state, i).visible), "a deleted Gaussian is drawn");
+    for (k, part) in state.placements().iter().enumerate() {
+        prop_assert!(!part.members.is_none() && part.map != Similarity::IDENTITY);
+        prop_assert!(state.placements()[..k].iter().all(|other| !other.members.intersects(&part.members)));
+    }
     for name in state.focus() {
         prop_assert!(state.find(name).is_ok(), "{} is in focus and gone", name);
     }

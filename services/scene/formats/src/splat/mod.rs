@@ -16,7 +16,6 @@
 //! in PLY files, else a type that implements `SplatFormat`. Names, endings, help texts and error messages come from the table.
 
 mod activation;
-mod affine;
 mod antimatter15;
 mod codebook;
 mod codebook_columns;
@@ -27,7 +26,6 @@ mod editable;
 mod editable_columns;
 mod editable_ply;
 pub(crate) mod format;
-mod harmonics_rotation;
 mod ivrgs;
 pub(crate) mod ivrgs_folder;
 mod ivrgs_quantised;

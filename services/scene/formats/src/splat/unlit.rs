@@ -9,7 +9,6 @@ use glam::{DMat4, Vec3};
 use rayon::prelude::*;
 
 use crate::splat::activation::logit;
-use crate::splat::affine::transform;
 use crate::splat::columns::C0;
 use crate::splat::columns::{is_normal, normal_columns};
 use crate::splat::problem::{Warning, WarningCode};
@@ -51,7 +50,12 @@ fn flatten_unit<'a>(unit: &'a BaseUnit, warnings: &mut Vec<Warning>) -> Cow<'a, 
         out.to_mut().opacity_logit.par_iter_mut().for_each(scaled);
     }
     if unit.transform != DMat4::IDENTITY {
-        transform(out.to_mut(), &unit.transform, &unit.name, warnings);
+        let g = out.to_mut();
+        let all: Vec<usize> = (0..g.len()).collect();
+        if !g.transform(&all, &unit.transform) {
+            let message = format!("unit `{}` is stretched: its view-dependent colours are only turned", unit.name);
+            warnings.push(Warning::new(WarningCode::Lossy, message));
+        }
     }
     out
 }

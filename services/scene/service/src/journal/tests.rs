@@ -8,7 +8,7 @@ use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     ChangesRequest, Color, Command, DeleteGaussians, Redo, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor,
-    Target, Undo,
+    Target, TransformGaussians, Undo, Vector,
 };
 
 use super::retention::{RECENT_CHANGES, RESULTS_KEPT};
@@ -546,4 +546,34 @@ fn a_copy_of_an_open_project_is_a_project() {
         std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     left.sort();
     assert_eq!(left, ["a.sgproj", "backup.sgproj", "text.sgproj"]);
+}
+
+#[test]
+fn a_restart_keeps_what_is_moved() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    let shift = |id: &str, unit: &str, x: f64| {
+        let target = Some(Target { units: vec![unit.to_owned()], ..Target::default() });
+        let (shift, axis) = (Some(Vector { x, y: 0.5, z: 0.0 }), Some(Vector { x: 1.0, y: x, z: 0.0 }));
+        let moved = TransformGaussians { target, shift, axis, degrees: 20.0, ..TransformGaussians::default() };
+        act(id, Action::TransformGaussians(moved))
+    };
+    for command in [shift("one", "skin", 0.1), shift("two", "bone", 0.2), shift("three", "skin", 0.3)] {
+        project.apply(&command).unwrap();
+    }
+    let moved = project.editor().message(true);
+    assert_eq!(project.editor().state().placements().len(), 2);
+    drop(project);
+    // From single commands, then from a checkpoint.
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), moved);
+    project.checkpoint().unwrap();
+    drop(project);
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), moved);
+    project.apply(&act("four", Action::Undo(Undo { steps: 3 }))).unwrap();
+    assert!(project.editor().state().placements().is_empty());
+    project.apply(&act("five", Action::Redo(Redo { steps: 3 }))).unwrap();
+    assert_eq!(project.editor().message(true).placements, moved.placements);
 }

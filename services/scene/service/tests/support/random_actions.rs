@@ -10,7 +10,7 @@ use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     Color, CommitSelection, DeleteGaussians, DeleteUnit, Mask as MaskMessage, Orbit, Redo, RenameUnit, Reset,
     RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetView,
-    SetVisibility, ShowOnly, Stroke, Target, Undo, Vector, View,
+    SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector, View,
 };
 use sg_scene::mask::Mask;
 
@@ -106,6 +106,13 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         4 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => target().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        2 => (target(), prop::array::uniform3(-1.0..1.0_f64), -90.0..90.0_f64, prop::option::of(0.5..2.0_f64)).prop_map(
+            |(target, [x, y, z], degrees, factor)| {
+                let (shift, axis) = (Some(Vector { x, y, z }), Some(Vector { x: z, y: x, z: y }));
+                let turned = TransformGaussians { target, shift, axis, degrees, factor, ..TransformGaussians::default() };
+                Action::TransformGaussians(turned)
+            }
+        ),
         1 => (target(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
         2 => name().prop_map(|name| Action::DeleteUnit(DeleteUnit { name })),
         2 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),

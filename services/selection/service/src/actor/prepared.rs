@@ -1,4 +1,8 @@
 //! Preparation of a scene for the selection process: parameters, clusters and cluster graph.
+//!
+//! Super-Gaussians are those of the file, also where edits have moved Gaussians: their numbers stay. Hits, distances and the
+//! neighbours of operations are those of the present places. A walk follows the contacts of the file, except between
+//! Super-Gaussians that were moved apart.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -11,6 +15,7 @@ use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::{Progress, Stage};
+use sg_edit::{EditState, PlacedScene};
 use sg_formats::load_verified::load_verified;
 use sg_runtime::process::StartError;
 use sg_runtime::progress;
@@ -60,11 +65,83 @@ impl Default for Params {
 
 /// A scene prepared for selections.
 pub(super) struct Prepared {
-    pub(super) index: Arc<SelectionIndex>,
-    /// Cluster of each Gaussian; -1 without a cluster.
-    pub(super) labels: Vec<i32>,
+    pub(super) places: Places,
     pub(super) from_cache: bool,
     pub(super) clustering_ms: f64,
+}
+
+/// The index of a scene wherever edits put its Gaussians.
+pub(super) struct Places {
+    scene: PlacedScene,
+    clustering: Clustering,
+    graph: ClusterGraph,
+    walk: WalkOptions,
+    geometry: GeometryOptions,
+    /// The index of the file, and the one of the newest other places with its scene.
+    of_file: Arc<SelectionIndex>,
+    newest: Option<(Arc<Scene>, Arc<SelectionIndex>)>,
+}
+
+impl Places {
+    fn new(
+        scene: PlacedScene,
+        (clustering, graph): (Clustering, ClusterGraph),
+        walk: WalkOptions,
+        geometry: GeometryOptions,
+    ) -> Self {
+        let of_file = index_of(scene.file(), &clustering, &graph, walk, geometry);
+        Self { scene, clustering, graph, walk, geometry, of_file, newest: None }
+    }
+
+    /// Cluster of each Gaussian; -1 without a cluster.
+    pub(super) fn labels(&self) -> &[i32] {
+        &self.clustering.labels
+    }
+
+    /// The index of a scene in this state. Without a move since the last call it costs nothing.
+    pub(super) fn index_of(&mut self, state: &EditState) -> Arc<SelectionIndex> {
+        let scene = self.scene.of(state);
+        if Arc::ptr_eq(&scene, self.scene.file()) {
+            self.newest = None;
+            return Arc::clone(&self.of_file);
+        }
+        if let Some((_, index)) = self.newest.as_ref().filter(|(of, _)| Arc::ptr_eq(of, &scene)) {
+            return Arc::clone(index);
+        }
+        let part = parts_of_clusters(state, &self.clustering);
+        let together = |u: u32, v: u32| part.get(u as usize) == part.get(v as usize);
+        let graph = self.graph.keeping(together);
+        let index = index_of(&scene, &self.clustering, &graph, self.walk, self.geometry);
+        self.newest = Some((scene, Arc::clone(&index)));
+        index
+    }
+}
+
+/// The part of the placements that most Gaussians of each cluster belong to; 0 for those that are where the file has them.
+fn parts_of_clusters(state: &EditState, clustering: &Clustering) -> Vec<usize> {
+    let parts = state.placements();
+    let mut counts = vec![vec![0_u32; parts.len() + 1]; clustering.clusters.len()];
+    for (g, label) in clustering.labels.iter().enumerate() {
+        let Some(counts) = usize::try_from(*label).ok().and_then(|c| counts.get_mut(c)) else { continue };
+        let part = parts.iter().position(|part| part.members.get(g)).map_or(0, |k| k + 1);
+        if let Some(count) = counts.get_mut(part) {
+            *count += 1;
+        }
+    }
+    let most = |counts: &Vec<u32>| counts.iter().enumerate().rev().max_by_key(|(_, n)| **n).map_or(0, |(k, _)| k);
+    counts.iter().map(most).collect()
+}
+
+fn index_of(
+    scene: &Arc<Scene>,
+    clustering: &Clustering,
+    graph: &ClusterGraph,
+    walk: WalkOptions,
+    geometry: GeometryOptions,
+) -> Arc<SelectionIndex> {
+    let index = SelectionIndex::of_clusters(scene, clustering, graph, walk);
+    // The cache holds clusters only. The first operation that needs neighbours and features computes them.
+    Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(scene), geometry)))
 }
 
 /// Reads the scene and clusters it, or loads the clusters from the cache.
@@ -98,10 +175,8 @@ pub(super) fn prepare(
         }
     };
     let clustering_ms = start.elapsed().as_secs_f64() * 1e3;
-    let index = SelectionIndex::of_clusters(&scene, &clustering, &graph, walk);
-    // The cache holds clusters only. The first operation that needs neighbours and features computes them.
-    let index = Arc::new(index.with_operation_context(OperationContext::new(Arc::clone(&scene), geometry_options)));
-    Ok(Prepared { index, labels: clustering.labels, from_cache, clustering_ms })
+    let places = Places::new(PlacedScene::new(scene), (clustering, graph), walk, geometry_options);
+    Ok(Prepared { places, from_cache, clustering_ms })
 }
 
 /// Reports the stages of clustering as progress of the process: a large scene takes minutes.
@@ -124,4 +199,93 @@ fn compute(
     let (clustering, _) = cluster(&geometry, options, &steps).map_err(|e| input(&e))?;
     let graph = ClusterGraph::new(&geometry, &clustering, WalkOptions::default().form).map_err(|e| input(&e))?;
     Ok((clustering, graph))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use sg_clusters::progress::Silent;
+    use sg_proto::scene::command::Action;
+    use sg_proto::scene::{Target, TransformGaussians, Vector};
+    use sg_scene::synthetic::test_scene;
+    use sg_selection::session::SelectionSession;
+    use sg_selection::strokes::{Kind, Mode, Stroke};
+
+    fn places(scene: &Arc<Scene>) -> Places {
+        let geometry = GeometryOptions::default();
+        let found = Geometry::of_scene(scene, geometry, &Silent).unwrap();
+        let options = ClusteringOptions { max_clusters: 40, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&found, &options, &Silent).unwrap();
+        let walk = WalkOptions::default();
+        let graph = ClusterGraph::new(&found, &clustering, walk.form).unwrap();
+        Places::new(PlacedScene::new(Arc::clone(scene)), (clustering, graph), walk, geometry)
+    }
+
+    fn shifted(scene: &Arc<Scene>, state: &EditState, name: &str, x: f64) -> EditState {
+        let target = Some(Target { units: vec![name.to_owned()], ..Target::default() });
+        let shift = Some(Vector { x, y: 0.0, z: 0.0 });
+        let action = TransformGaussians { target, shift, ..TransformGaussians::default() };
+        state.after(scene, Action::TransformGaussians(action)).unwrap()
+    }
+
+    fn stroke(mode: Mode, at: [f64; 3]) -> Stroke {
+        let (kind, points) = (Kind::Foreground, vec![at]);
+        Stroke { mode, kind, radius: 1e-5, points, pressure: Vec::new(), depth: None }
+    }
+
+    #[test]
+    fn strokes_hit_moved_gaussians_where_they_are_and_nothing_where_they_were() {
+        let scene = Arc::new(test_scene(&[("still", 300), ("moved", 300)]));
+        let opened = EditState::of_scene(&scene, "", "");
+        let mut places = places(&scene);
+        let first = places.index_of(&opened);
+        assert!(Arc::ptr_eq(&first, &places.index_of(&opened)), "one index for one state");
+        let far = 5.0 * scene.bounds.longest_edge();
+        let moved = shifted(&scene, &opened, "moved", far);
+        let index = places.index_of(&moved);
+        assert!(Arc::ptr_eq(&index, &places.index_of(&moved)) && !Arc::ptr_eq(&index, &first));
+        let at = |i: usize, by: f64| {
+            let place = scene.position(i).unwrap() + by * glam::DVec3::X;
+            scene.bounds.normalize(place).to_array()
+        };
+        let hits = |index: &Arc<SelectionIndex>, at| {
+            let mut session = SelectionSession::new(Arc::clone(index));
+            session.add_stroke(stroke(Mode::Point, at)).unwrap();
+            session.mask().ones().collect::<Vec<_>>()
+        };
+        assert_eq!((hits(&first, at(400, 0.0)), hits(&index, at(400, far))), (vec![400], vec![400]));
+        assert_eq!((hits(&index, at(400, 0.0)), hits(&index, at(20, 0.0))), (vec![], vec![20]));
+        assert!(Arc::ptr_eq(&first, &places.index_of(&opened)), "undone: the file's own index again");
+    }
+
+    #[test]
+    fn no_walk_crosses_to_what_was_moved_away() {
+        let scene = Arc::new(test_scene(&[("all", 600)]));
+        let mut opened = EditState::of_scene(&scene, "", "");
+        let mut places = places(&scene);
+        // Half of the Super-Gaussians of the only base unit.
+        let half = sg_scene::mask::Mask::from_fn(600, |i| places.labels()[i] % 2 == 0);
+        let mask = Some(sg_edit::wire::encode_mask(&half));
+        let select = sg_proto::scene::CommitSelection { mask, ..sg_proto::scene::CommitSelection::default() };
+        opened = opened.after(&scene, Action::CommitSelection(select)).unwrap();
+        let target = Some(Target { selection: true, ..Target::default() });
+        let shift = Some(Vector { x: 9.0 * scene.bounds.longest_edge(), y: 0.0, z: 0.0 });
+        let action = TransformGaussians { target, shift, ..TransformGaussians::default() };
+        let moved = opened.after(&scene, Action::TransformGaussians(action)).unwrap();
+        let index = places.index_of(&moved);
+        let still = (0..600).find(|i| !half.get(*i)).unwrap();
+        let at = scene.bounds.normalize(scene.position(still).unwrap()).to_array();
+        let walk = |index: &Arc<SelectionIndex>| {
+            let mut session = SelectionSession::new(Arc::clone(index));
+            session.add_stroke(stroke(Mode::Walk, at)).unwrap();
+            let p = session.walk().unwrap().solution.p.clone();
+            (0..index.clusters()).map(|c| (index.members(c).first().copied(), p[c])).collect::<Vec<_>>()
+        };
+        let reaches = |index: &Arc<SelectionIndex>| {
+            walk(index).iter().any(|(g, p)| g.is_some_and(|g| half.get(g as usize)) && *p > 0.0)
+        };
+        let of_file = places.index_of(&opened);
+        assert!(reaches(&of_file) && !reaches(&index));
+    }
 }

@@ -3,7 +3,10 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use sg_scene::model::Harmonics;
+use crate::model::Harmonics;
+
+/// Terms of degree 1 to 3 of one Gaussian.
+const MOST_TERMS: usize = 15;
 
 /// The matrices that rotate each band: the function d ↦ f(Mᵀd) has the coefficients D·c.
 pub(crate) struct HarmonicsRotation {
@@ -48,27 +51,38 @@ impl HarmonicsRotation {
         Self { bands }
     }
 
-    /// Turns all Gaussians' terms of degree 1 and above.
-    pub(crate) fn apply(&self, harmonics: &mut Harmonics) {
+    /// Turns the terms of degree 1 and above of the Gaussians of these indices.
+    pub(crate) fn apply(&self, harmonics: &mut Harmonics, gaussians: &[usize]) {
         let terms = harmonics.rest_per_gaussian();
         if terms == 0 {
             return;
         }
-        harmonics.rest.par_chunks_exact_mut(terms).for_each(|rows| {
-            let mut rest = rows;
-            for (l, matrix) in (1_usize..).zip(&self.bands) {
-                let Some((band, after)) = rest.split_at_mut_checked(2 * l + 1) else { break };
-                let old: Vec<[f64; 3]> = band.iter().map(|c| c.map(f64::from)).collect();
-                for (to, row) in band.iter_mut().zip(matrix.chunks_exact(2 * l + 1)) {
-                    let mut sum = DVec3::ZERO;
-                    for (factor, c) in row.iter().zip(&old) {
-                        sum += *factor * DVec3::from_array(*c);
-                    }
-                    *to = sum.as_vec3().to_array();
-                }
-                rest = after;
+        let turned: Vec<[[f32; 3]; MOST_TERMS]> =
+            gaussians.par_iter().map(|i| self.turned(harmonics.rest.get(i * terms..).unwrap_or_default())).collect();
+        for (i, new) in gaussians.iter().zip(&turned) {
+            for (to, from) in harmonics.rest.iter_mut().skip(i * terms).take(terms).zip(new) {
+                *to = *from;
             }
-        });
+        }
+    }
+
+    /// The turned terms of the first Gaussian of `rows`.
+    fn turned(&self, rows: &[[f32; 3]]) -> [[f32; 3]; MOST_TERMS] {
+        let mut turned = [[0.0; 3]; MOST_TERMS];
+        let (mut from, mut to) = (rows, turned.as_mut_slice());
+        for (l, matrix) in (1_usize..).zip(&self.bands) {
+            let Some((band, later)) = from.split_at_checked(2 * l + 1) else { break };
+            let Some((out, rest)) = to.split_at_mut_checked(2 * l + 1) else { break };
+            for (out, row) in out.iter_mut().zip(matrix.chunks_exact(2 * l + 1)) {
+                let mut sum = DVec3::ZERO;
+                for (factor, c) in row.iter().zip(band) {
+                    sum += *factor * DVec3::from_array(c.map(f64::from));
+                }
+                *out = sum.as_vec3().to_array();
+            }
+            (from, to) = (later, rest);
+        }
+        turned
     }
 }
 
@@ -123,7 +137,7 @@ mod tests {
             let d = d.normalize();
             let old = Harmonics { degree: 3, dc: vec![[0.0; 3]], rest: coefficients.iter().map(|&c| [0.0, c, 1.0]).collect() };
             let mut new = old.clone();
-            HarmonicsRotation::new(map).apply(&mut new);
+            HarmonicsRotation::new(map).apply(&mut new, &[0]);
             prop_assert!((value(&new, d) - value(&old, map.transpose() * d)).abs() < 1e-5);
         }
     }
