@@ -1,8 +1,8 @@
 //! Signs for normals without one: rays that see out of the scene vote, and the votes spread over the neighbour graph.
 //!
 //! From a surface, the side on which more rays leave the scene without meeting a Gaussian is the outside. Each of some
-//! Gaussians casts [`RAYS`] rays. The votes then spread to neighbours whose normals agree up to the sign. Work is bounded:
-//! at most [`MAX_VOTERS`] Gaussians vote, each ray ends at the grid's border, and the number of sweeps is fixed.
+//! Gaussians casts 24 rays. The votes then spread to neighbours whose normals agree up to the sign. Work is bounded:
+//! at most 40,000 Gaussians vote, each ray ends at the grid's border, and the number of sweeps is fixed.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Walks for several leaks at once: one elimination whose numbers are those of several walks side by side.
 //!
 //! The leaks of a family differ in the conductances to the background terminal alone. So the order, the structure and the
-//! places of all entries are common, and one pass over them serves several leaks ([`WIDTH`] side by side). Every leak goes
+//! places of all entries are common, and one pass over them serves several leaks (four side by side). Every leak goes
 //! through the operations of [`Elimination::solve`] in the same order. So the bits are those of one ordinary walk a leak,
 //! as long as no conductance underflows; conductances beyond the range of f64 are eliminated one leak after another.
 //!
