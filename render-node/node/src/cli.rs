@@ -225,6 +225,12 @@ struct PictureReport<'a> {
     report: Report,
 }
 
+/// Ends the process because the command line names no scene.
+pub(crate) fn refuse_without_scene(mut command: clap::Command) -> ! {
+    let missing = clap::error::ErrorKind::MissingRequiredArgument;
+    command.error(missing, "name a scene, and the picture to write with --out").exit()
+}
+
 /// Draws one picture; prints errors.
 pub(crate) fn run(picture: &Picture) -> ExitCode {
     match draw(picture) {

@@ -11,13 +11,8 @@ use sg_runtime::process::{self, ServeArgs};
 
 /// Draws one picture of a scene. In a session, serves pictures, a window or a headset.
 #[derive(Debug, Parser)]
-#[command(
-    name = "supergaussian-render-node",
-    version,
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true,
-    after_help = cli::EXAMPLES
-)]
+#[command(name = "supergaussian-render-node", version, args_conflicts_with_subcommands = true)]
+#[command(subcommand_negates_reqs = true, after_help = cli::EXAMPLES)]
 struct Arguments {
     #[command(subcommand)]
     mode: Option<Mode>,
@@ -40,12 +35,6 @@ fn main() -> ExitCode {
         Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
         Arguments { mode: Some(Mode::Progress(args)), .. } => progress::run(&args),
         Arguments { picture: Some(picture), .. } => cli::run(&picture),
-        _ => {
-            let error = Arguments::command().error(
-                clap::error::ErrorKind::MissingRequiredArgument,
-                "name a scene, and the picture to write with --out",
-            );
-            error.exit()
-        }
+        _ => cli::refuse_without_scene(Arguments::command()),
     }
 }

@@ -25,9 +25,9 @@ mod tests {
 
     #[test]
     fn the_home_folder_is_a_tilde() {
-        let of = |path: &str| shortened(Path::new(path), Some(Path::new("/home/ada")));
-        assert_eq!(of("/home/ada/heart/sac.ply"), "~/heart/sac.ply");
-        assert_eq!(of("/home/adam/sac.ply"), "/home/adam/sac.ply");
+        let of = |path: &str| shortened(Path::new(path), Some(Path::new("/users/ada")));
+        assert_eq!(of("/users/ada/heart/sac.ply"), "~/heart/sac.ply");
+        assert_eq!(of("/users/adam/sac.ply"), "/users/adam/sac.ply");
         assert_eq!(shortened(Path::new("/data/a\nb.ply"), None).lines().count(), 1);
     }
 }

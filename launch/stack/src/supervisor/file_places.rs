@@ -104,14 +104,14 @@ mod tests {
 
     #[test]
     fn names_are_beside_the_opened_file() {
-        let places = FilePlaces { opened: Some("/data/heart.nrrd".into()), home: Some("/home/ada".into()) };
+        let places = FilePlaces { opened: Some("/data/heart.nrrd".into()), home: Some("/users/ada".into()) };
         let path = |named: &str| places.absolute(named).unwrap();
         assert_eq!(path("sac.ply"), Path::new("/data/sac.ply"));
-        assert_eq!(path("~/sac.ply"), Path::new("/home/ada/sac.ply"));
+        assert_eq!(path("~/sac.ply"), Path::new("/users/ada/sac.ply"));
         assert_eq!(path("/tmp/sac.ply"), Path::new("/tmp/sac.ply"));
         assert!(places.absolute("../sac.ply").unwrap_err().message.contains("without `..`"));
         let homely = FilePlaces { opened: None, ..places };
-        assert_eq!(homely.absolute("sac.ply").unwrap(), Path::new("/home/ada/sac.ply"));
+        assert_eq!(homely.absolute("sac.ply").unwrap(), Path::new("/users/ada/sac.ply"));
         assert!(FilePlaces::default().absolute("sac.ply").unwrap_err().message.contains("HOME"));
     }
 

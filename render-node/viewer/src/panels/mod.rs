@@ -97,7 +97,7 @@ impl Panels {
     }
 
     /// Whether a text field gets the focus as soon as it is drawn.
-    pub(crate) fn awaits_letters(&self) -> bool {
+    pub(crate) fn expects_letters(&self) -> bool {
         self.text_input.is_awaited()
     }
 

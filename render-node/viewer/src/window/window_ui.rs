@@ -243,7 +243,7 @@ impl WindowUi {
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
         // A field that waits for the focus gets the letters of this frame already, for one frame: it may never be drawn.
-        let waits = self.panels.awaits_letters() && !std::mem::replace(&mut self.waited, true);
+        let waits = self.panels.expects_letters() && !std::mem::replace(&mut self.waited, true);
         self.waited &= waits;
         if !waits {
             let focus = KeyFocus {
