@@ -1,5 +1,7 @@
-//! A person's first hour: files that nobody tuned for, each opened, oriented, brushed, named, recoloured, measured, deleted,
-//! exported and reopened in a real window under a window manager, by keys and the mouse alone.
+//! A person's first hour with files that nobody tuned for, in a real window under a window manager.
+//!
+//! Each file is opened, oriented and brushed. The structure is named, recoloured, measured, deleted and exported. Keys and the
+//! mouse do all of it. At the end the file is opened again.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

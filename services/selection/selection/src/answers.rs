@@ -5,10 +5,13 @@
 //! from their neighbours by at least two fifths of the larger one. One step is the first answer; a user goes to a narrower
 //! or a wider one.
 //!
-//! The rule of the first answer weighs three things: the leak that suits the stroke (its share of the scene, and whether it
-//! lies on a surface or in a filled volume), the growth of the mask with the leak (a structure is where it stops to grow),
-//! and masks that take nearly everything. docs/selecting.md
-//! has the formula, and the scenes on which its numbers were chosen.
+//! The rule of the first answer weighs three things:
+//!
+//! - the leak that suits the stroke: its share of the scene counts, and whether it lies on a surface or in a filled volume;
+//! - the growth of the mask with the leak: a structure is where the mask stops to grow;
+//! - a penalty for masks that take nearly everything.
+//!
+//! `docs/selecting.md` has the formula, and the scenes on which its numbers were chosen.
 
 use serde::{Deserialize, Serialize};
 
