@@ -29,11 +29,14 @@ impl EditState {
     pub fn mean_opacity(&self, unit: UnitRef) -> Option<f32> {
         let samples = self.members(unit).samples(SAMPLES);
         let factor = |visible: bool, opacity: f32| if visible { f64::from(opacity) } else { 0.0 };
+        // Most units change no opacity, and a panel asks for each row in each frame.
+        let factors = self.units().map(|unit| (&unit.mask, factor(unit.visible, unit.opacity)));
+        let changing: Vec<_> = factors.filter(|(_, factor)| *factor != 1.0).collect();
         let of_gaussian = |i: &usize| {
             let base = self.base_units().iter().find(|base| base.range().contains(i));
             let of_base = base.map_or(1.0, |base| factor(base.visible, base.opacity));
-            let holding = self.units().filter(|unit| unit.mask.get(*i));
-            holding.fold(of_base, |product, unit| product * factor(unit.visible, unit.opacity))
+            let holding = changing.iter().filter(|(mask, _)| mask.get(*i));
+            holding.fold(of_base, |product, (_, factor)| product * factor)
         };
         let sum: f64 = samples.iter().map(of_gaussian).sum();
         (!samples.is_empty()).then(|| (sum / samples.len() as f64) as f32)
