@@ -114,6 +114,11 @@ fn a_dropped_scene_opens_in_a_window_and_a_session_of_its_own() {
     assert_eq!(opened.until(1), names);
     // The fit of a volume goes on by itself, though its reports have no listener any more.
     screen.drop_file(&first, &volume, PATIENCE).unwrap();
+    // A raw file cannot say its spacing, so the window asks. Enter takes what it proposes.
+    std::thread::sleep(Duration::from_secs(1));
+    screen.act(&["windowfocus", "--sync", &first]).unwrap();
+    screen.act(&["key", "Return"]).unwrap();
+    std::thread::sleep(Duration::from_secs(1));
     close(&first);
     assert_eq!(stack.ended(PATIENCE), Some(Some(0)), "closing the window ends its stack\n{}", stack.log());
     let third = screen.window("cube", PATIENCE).unwrap();
