@@ -66,10 +66,13 @@ pub(crate) enum ExportResult {
     },
 }
 
+/// An export of a scene, and whether it is cancelled.
+type Work = (Arc<Scene>, ExportJob, Arc<AtomicBool>);
+
 /// Keeps pictures.
 #[derive(Debug)]
 pub(crate) struct Exporter {
-    worker: LatestWorker<(Arc<Scene>, ExportJob, Arc<AtomicBool>), Result<ExportResult, String>>,
+    worker: LatestWorker<Work, Result<ExportResult, String>>,
     /// Whether a turn is queued or under way.
     is_turning: Arc<AtomicBool>,
     /// Finished pictures of the current turn.

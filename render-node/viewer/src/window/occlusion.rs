@@ -10,19 +10,20 @@ use sg_scene::model::Scene;
 
 use crate::display::LatestWorker;
 
+/// A scene as it looks.
+type Look = (Arc<Scene>, Appearance);
+
 /// The factors of the newest appearance.
 pub(super) struct OcclusionWorker {
-    worker: LatestWorker<(Arc<Scene>, Appearance), Option<Arc<[f32]>>>,
-    requested: Option<(Arc<Scene>, Appearance)>,
+    worker: LatestWorker<Look, Option<Arc<[f32]>>>,
+    requested: Option<Look>,
     factors: Option<Arc<[f32]>>,
 }
 
 impl OcclusionWorker {
     /// A worker on `pool`, that calls `wake` after each result.
     pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let work = move |(scene, appearance): (Arc<Scene>, Appearance)| {
-            pool.install(|| ambient_occlusion(&scene, &appearance))
-        };
+        let work = move |(scene, appearance): Look| pool.install(|| ambient_occlusion(&scene, &appearance));
         Ok(Self { worker: LatestWorker::new("occludes", work, wake)?, requested: None, factors: None })
     }
 

@@ -188,8 +188,11 @@ fn token(input: &mut Input<'_>, before: Option<&Token>) -> Outcome<((Kind, Strin
             .parse_next(input)
     };
     let quotation = |input: &mut Input<'_>| if behind_word { Err(EmptyError) } else { quoted(input) };
+    // Within a fraction or a choice, such as `1/2` and `and/or`, no path begins.
+    let behind_text = before.is_some_and(|t| !matches!(t.kind, Kind::Mark(_)));
+    let path = |input: &mut Input<'_>| if behind_text { Err(EmptyError) } else { file(input) };
     let mark = any.map(|c: char| (Kind::Mark(c), c.to_string()));
-    alt((literal_color, file, apostrophe, quotation, number, plain_word, mark)).with_span().parse_next(input)
+    alt((literal_color, path, apostrophe, quotation, number, plain_word, mark)).with_span().parse_next(input)
 }
 
 /// Parses a path up to a space, without the marks of the sentence behind it.
