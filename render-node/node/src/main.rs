@@ -24,7 +24,7 @@ struct Arguments {
 enum Mode {
     /// Serves pictures, a window or a headset of a running session; a supervisor starts this
     #[command(after_help = cli::SERVE_EXAMPLE)]
-    Serve(ServeArgs),
+    Serve(Box<ServeArgs>),
     /// Shows the progress of a file that opens, from lines `SHARE STEP` on standard input; `supergaussian open` starts this
     #[command(hide = true)]
     Progress(progress::ProgressArgs),
@@ -32,7 +32,7 @@ enum Mode {
 
 fn main() -> ExitCode {
     match process::parse_command_line::<Arguments>() {
-        Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
+        Arguments { mode: Some(Mode::Serve(args)), .. } => process::run(*args, env!("CARGO_PKG_VERSION"), actor::start),
         Arguments { mode: Some(Mode::Progress(args)), .. } => progress::run(&args),
         Arguments { picture: Some(picture), .. } => cli::run(&picture),
         _ => cli::refuse_without_scene(Arguments::command()),

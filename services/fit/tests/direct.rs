@@ -254,10 +254,6 @@ fn a_fitted_body_encloses_its_volume() {
     for gaussians in [1000, 16_000] {
         let found = measured(&start(&whole, &ball_function(), gaussians).unwrap().scene);
         let share = found.enclosed / (4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3));
-        println!(
-            "{gaussians} Gaussians on a ball: {} of its diameter, {share:.3} of its volume",
-            found.extent / (2.0 * radius)
-        );
         assert!((found.extent / (2.0 * radius) - 1.0).abs().max_element() < 0.05, "{}", found.extent);
         // Gaussians of the surface reach beyond it, by some 4 % of the radius.
         assert!((1.0..1.15).contains(&share) && found.occupied < 0.5 * found.enclosed, "{share}");
@@ -268,6 +264,5 @@ fn a_fitted_body_encloses_its_volume() {
     let truth = labels.values().iter().filter(|label| **label > 0.0).count() as f64;
     let scene = start(&raster.volume().unwrap().to_field(), &phantom::transfer_function(), 30_000).unwrap().scene;
     let share = measured(&scene).enclosed / (truth * (scene.bounds.longest_edge() / 96.0).powi(3));
-    println!("a vessel tree: {share:.3} of its volume");
     assert!((0.65..1.15).contains(&share), "{share}");
 }

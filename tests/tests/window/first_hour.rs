@@ -114,7 +114,7 @@ impl Desk {
         };
         let bus = self.bus().await;
         view(&bus, "a picture in the window", |v| v.display == "window" && v.frames > 0).await;
-        println!("{title}: a window after {:.1} s", begun.elapsed().as_secs_f64());
+        eprintln!("{title}: a window after {:.1} s", begun.elapsed().as_secs_f64());
         // The whole window is on the screen, its status line too.
         let begun = Instant::now();
         let place = loop {
@@ -193,7 +193,7 @@ impl Window<'_> {
         self.key("Return");
         self.type_line(sentence).await;
         let (reply, _) = tokio::time::timeout(PATIENCE, replies.next()).await.expect(sentence).unwrap();
-        println!("{}: {sentence} -> {}", self.file.path, reply.text);
+        eprintln!("{}: {sentence} -> {}", self.file.path, reply.text);
         assert!(reply.ok, "{sentence}: {}", reply.text);
         reply.text
     }
@@ -288,7 +288,7 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
     window.scene("they are back", |s| s.revision > deleted.revision && selected(s) == selected(&chosen)).await;
 
     let exported = window.export(selected(&chosen)).await;
-    println!("{}: {} exported", file.path, exported.display());
+    eprintln!("{}: {} exported", file.path, exported.display());
     window.export_by_words(selected(&chosen)).await;
     window.close();
 

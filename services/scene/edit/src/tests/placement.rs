@@ -103,9 +103,9 @@ fn a_turn_about_a_place_turns_scales_and_places_alike() {
 /// The greatest difference of all columns that a move changes.
 fn difference(a: &Scene, b: &Scene) -> f64 {
     let floats = |g: &Gaussians| -> Vec<f32> {
-        let normals = g.shading.iter().flat_map(|s| s.normal.iter().flat_map(|n| n.to_array()));
+        let normals = g.shading.iter().flat_map(|s| s.normal.iter().flat_map(Vec3::to_array));
         let harmonics = g.harmonics.iter().flat_map(|h| h.rest.iter().flatten().copied());
-        let places = g.position.iter().chain(&g.log_scale).flat_map(|p| p.to_array());
+        let places = g.position.iter().chain(&g.log_scale).flat_map(Vec3::to_array);
         places.chain(normals).chain(harmonics).collect()
     };
     let units = a.units.iter().zip(&b.units);
