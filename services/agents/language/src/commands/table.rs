@@ -7,8 +7,8 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    background, color, delete, files, frame, help as help_command, history, light, lock, naming, opacity, orbit,
-    question, selection, shading, viewpoint, visibility, zoom,
+    answers, background, color, delete, files, frame, help as help_command, history, light, lock, naming, opacity,
+    orbit, question, selection, shading, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -28,6 +28,7 @@ pub(crate) const TABLE: &[Command] = &[
     shading::SET_TERM,
     selection::SELECT,
     selection::CLEAR_SELECTION,
+    answers::TAKE_ANSWER,
     naming::LABEL,
     naming::RENAME,
     delete::DELETE_GAUSSIANS,
