@@ -225,7 +225,7 @@ impl Interaction {
     }
 
     /// Handles the sticks' up and down. In walk mode, the adding hand's stick changes the last walk: a push takes another answer,
-    /// or the number under it moves while it is held. Otherwise both set the brush's width. The other hand's stick sideways
+    /// or the number under it moves while it is held; up selects more. Otherwise both set the brush's width. The other hand's stick sideways
     /// selects what changes of the walk.
     fn sticks(
         &mut self,
@@ -261,7 +261,7 @@ impl Interaction {
                 }
             } else if side == adds && tunes {
                 goes_on = true;
-                output.requests.extend(self.drag.turn(which, PARAMETER_SPEED * stick * seconds, state));
+                output.requests.extend(self.drag.turn(which, -PARAMETER_SPEED * stick * seconds, state));
             } else {
                 tools.widen(WIDTH_SPEED.powf(stick * seconds));
             }

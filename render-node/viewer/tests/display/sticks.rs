@@ -84,10 +84,10 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     for _ in 0..10 {
         let did = room.frame(DVec2::ZERO, UP, PanelCapture::default());
         let [Request::Tune(tuning)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
-        assert!(tuning.leak > newest.leak && tuning.threshold == FIRST.threshold);
+        assert!(tuning.leak < newest.leak && tuning.threshold == FIRST.threshold);
         newest = *tuning;
     }
-    assert!((newest.leak / FIRST.leak).log10() > 0.13, "a tenth of a second at the end: {newest:?}");
+    assert!((newest.leak / FIRST.leak).log10() < -0.13, "a tenth of a second at the end: {newest:?}");
     assert_eq!(room.tools.radius, radius);
     // At rest again, it is one step.
     let did = room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default());
@@ -102,7 +102,9 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     assert!(room.legend(Side::Right).contains("up and down: Strictness 0"), "{}", room.legend(Side::Right));
     assert!(room.legend(Side::Left).contains("left: Reach"), "{}", room.legend(Side::Left));
     let did = room.frame(DVec2::ZERO, -UP, PanelCapture::default());
-    assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
+    assert!(
+        matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold > FIRST.threshold && t.leak == newest.leak)
+    );
     room.frame(-DVec2::X, DVec2::ZERO, PanelCapture::default());
     assert_eq!(room.tools.walk_parameter, WalkParameter::Leak);
 }

@@ -6,7 +6,7 @@ use sg_scene::mask::Mask;
 
 use super::{SelectionError, SelectionSession, ones};
 use crate::answers::{AnswerChange, Answers, NoAnswer};
-use crate::selection_index::{FirstStroke, Walk};
+use crate::selection_index::Walk;
 use crate::strokes::Kind;
 use crate::tuning::Tuning;
 
