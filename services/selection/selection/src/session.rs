@@ -306,7 +306,10 @@ impl SelectionSession {
         if tuning.leak == self.tuning.leak {
             next.rebuild_mask()?;
         } else {
+            // The answers are those of the strokes.
+            let answers = next.answers.take();
             next.solve()?;
+            next.answers = answers;
         }
         *self = next;
         Ok(())

@@ -395,7 +395,8 @@ impl Selector {
         Some(self.reply(&result))
     }
 
-    fn reply(&self, result: &CommandResult) -> selection::StrokesReply {
+    fn reply(&mut self, result: &CommandResult) -> selection::StrokesReply {
+        let answers = tokio::task::block_in_place(|| self.answers());
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
         let selected = self.session.mask().count();
@@ -415,7 +416,7 @@ impl Selector {
             conflicts: small(summary.conflicts),
             walk_ms: self.last_walk_ms,
             summary: line,
-            answers: self.known_answers(),
+            answers,
         }
     }
 }

@@ -35,10 +35,10 @@ pub(super) const TAKE_ANSWER: Command = Command {
             |verb, input| other(verb, input, AnswerStep::Widest),
         ),
         Construct::new(
-            "only this part | just this part | only this bit | just this bit | only this piece | just this piece | only this | \
-                 just this | only that part | just that part | this part | this part only | this bit only | this part alone | \
-                 select only this part | select just this part | take only this part | i mean only this part | \
-                 i meant only this part | the narrowest answer | take the narrowest answer",
+            "only this part | just this part | only this bit | just this bit | only this piece | just this piece | only that part | \
+                 just that part | this part | this part only | this bit only | this part alone | select only this part | \
+                 select just this part | take only this part | i mean only this part | i meant only this part | \
+                 the narrowest answer | take the narrowest answer",
             |verb, input| other(verb, input, AnswerStep::Narrowest),
         ),
         Construct::new(

@@ -16,6 +16,8 @@ use crate::resolution::{Refusal, Step};
 pub(crate) const TABLE: &[Command] = &[
     color::SET_COLOR,
     opacity::SET_OPACITY,
+    // Before "only …": "only this part" is about the strokes.
+    answers::TAKE_ANSWER,
     visibility::SHOW_ONLY,
     visibility::SHOW,
     visibility::HIDE,
@@ -28,7 +30,6 @@ pub(crate) const TABLE: &[Command] = &[
     shading::SET_TERM,
     selection::SELECT,
     selection::CLEAR_SELECTION,
-    answers::TAKE_ANSWER,
     naming::LABEL,
     naming::RENAME,
     delete::DELETE_GAUSSIANS,

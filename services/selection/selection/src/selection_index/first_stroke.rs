@@ -1,9 +1,8 @@
 //! What later strokes say about the scale of the first one.
 //!
-//! The first green stroke alone has a family of masks. A later green stroke inside the wide ones of them says that the
-//! narrow ones are too narrow; a red stroke says the same of the wide ones. So the leaks whose mask of the first stroke
-//! holds at least half of what was brushed green since, and less than half of what was brushed red, go on. Where no leak
-//! does, the strokes ask for a union of parts, and all leaks go on.
+//! The first green stroke alone has a family of masks. A mask that holds nothing of what was brushed green since is too
+//! narrow, and one that holds all of what was brushed red is too wide. The other leaks go on. Where there is none, the
+//! strokes ask for a union of parts, and all leaks go on.
 
 use sg_walk::Seed;
 
@@ -35,8 +34,11 @@ impl FirstStroke {
             let sum = |of: &dyn Fn(&usize) -> bool| nodes.iter().filter(|n| of(n)).map(|n| mass[*n]).sum::<f64>();
             sum(&|n| selected[*n]) / sum(&|_| true)
         };
-        // Without such nodes the share is no number, and both comparisons hold.
-        let agrees = |selected: &Vec<bool>| !(share(&green, selected) < 0.5) && !(share(&red, selected) >= 0.5);
+        let agrees = |selected: &Vec<bool>| {
+            let too_narrow = !green.is_empty() && share(&green, selected) <= 0.0;
+            let too_wide = !red.is_empty() && share(&red, selected) >= 1.0;
+            !too_narrow && !too_wide
+        };
         let consistent: Vec<bool> = self.selected.iter().map(agrees).collect();
         if consistent.contains(&true) { consistent } else { vec![true; self.selected.len()] }
     }
@@ -66,9 +68,10 @@ mod tests {
         assert_eq!(consistent(&[(1, Seed::Foreground)]), [false, true, true, true]);
         assert_eq!(consistent(&[(3, Seed::Background)]), [true, true, false, false]);
         assert_eq!(consistent(&[(1, Seed::Foreground), (3, Seed::Background)]), [false, true, false, false]);
-        // A stroke across the rim counts by its larger part.
-        let across = [(2, Seed::Foreground), (3, Seed::Foreground), (4, Seed::Foreground)];
-        assert_eq!(consistent(&across), [false, false, true, true]);
+        // A stroke across the rim takes only the masks away that it contradicts.
+        let across = |kind| [(1, kind), (2, kind), (3, kind)];
+        assert_eq!(consistent(&across(Seed::Foreground)), [false, true, true, true]);
+        assert_eq!(consistent(&across(Seed::Background)), [true, true, false, false]);
     }
 
     #[test]

@@ -72,8 +72,8 @@ fn later_strokes_leave_out_the_scales_that_they_disagree_with() {
     };
     let far = Stroke { kind: Kind::Foreground, ..red.clone() };
     for (second, agrees) in [
-        (red.clone(), Box::new(|mask: &Mask| share(&red, mask) < 0.5) as Box<dyn Fn(&Mask) -> bool>),
-        (far.clone(), Box::new(|mask: &Mask| share(&far, mask) >= 0.5)),
+        (red.clone(), Box::new(|mask: &Mask| share(&red, mask) < 1.0) as Box<dyn Fn(&Mask) -> bool>),
+        (far.clone(), Box::new(|mask: &Mask| share(&far, mask) > 0.0)),
     ] {
         let consistent: Vec<usize> = (0..LEAKS).filter(|i| agrees(&masks[*i])).collect();
         assert!(!consistent.is_empty() && consistent.len() < LEAKS, "{:?}: {consistent:?}", second.kind);

@@ -7,7 +7,6 @@ use sg_proto::bus::Code;
 use sg_proto::selection;
 use sg_runtime::actor::Mailbox;
 use sg_runtime::bus::RetainedValue;
-use sg_runtime::fault::Fault;
 use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use tokio::sync::oneshot;
 
@@ -56,12 +55,22 @@ impl Selector {
     /// The newest revision, and the answers to the walk strokes of its selection.
     pub(super) fn newest_answers(&mut self) -> (u64, Option<selection::Answers>) {
         let state = self.local_state();
-        let answers = self.present(&state).and_then(|session| {
-            self.session = session;
-            self.session.answers().map_err(|e| Fault::internal(e.to_string()))?;
-            Ok(self.known_answers())
-        });
-        (state.revision(), answers.inspect_err(|fault| tracing::warn!(%fault, "no answers")).unwrap_or_default())
+        match self.present(&state) {
+            Ok(session) => self.session = session,
+            Err(fault) => {
+                tracing::warn!(%fault, "the selection of the scene has no answers");
+                return (state.revision(), None);
+            }
+        }
+        (state.revision(), self.answers())
+    }
+
+    /// The answers to the walk strokes of the session. A selection with a tuning computes them now.
+    pub(super) fn answers(&mut self) -> Option<selection::Answers> {
+        if let Err(error) = self.session.answers() {
+            tracing::warn!(%error, "the strokes have no answers");
+        }
+        self.known_answers()
     }
 
     /// The answers to the walk strokes of the session, where they are known.
