@@ -33,9 +33,6 @@ const RETRY_AFTER: Duration = Duration::from_secs(1);
 const SOON: u32 = 20;
 const SOON_AFTER: Duration = Duration::from_millis(25);
 
-/// Period after which a known state of a service is asked for again.
-const RENEW_AFTER: Duration = Duration::from_secs(5);
-
 /// Begins to follow everything.
 pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer: &StateWriter) -> Result<(), BusError> {
     let bus = host.bus();
@@ -121,8 +118,7 @@ async fn answers(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>
                         state.answers = answers;
                     }
                 });
-                // The service may start anew without a change of the scene, with other answers.
-                tokio::time::timeout(RENEW_AFTER, revisions.changed()).await.unwrap_or(Ok(()))
+                revisions.changed().await
             }
             // The service takes in a revision after this process, or it is away.
             None => {

@@ -44,7 +44,8 @@ impl WindowUi {
         let which = self.tools.walk_parameter.in_state(state);
         if which == WalkParameter::Size {
             self.answer_notches += notches;
-            while self.answer_notches.abs() >= 1.0 {
+            // A smooth scroll takes a step in the middle of its notch.
+            while self.answer_notches.abs() > 0.5 {
                 let wider = self.answer_notches < 0.0;
                 self.answer_notches -= self.answer_notches.signum();
                 self.take_answer(wider, state, requests);

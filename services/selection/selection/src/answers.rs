@@ -7,8 +7,8 @@
 //!
 //! The rule of the first answer weighs three things:
 //!
-//! - the leak that suits the stroke: its share of the scene counts, and whether it lies on a surface or in a filled volume;
-//! - the growth of the mask with the leak: a structure is where the mask stops to grow;
+//! - the leak that suits the stroke. Its share of the scene counts, and whether it lies on a surface or in a filled volume.
+//! - the growth of the mask with the leak. A structure is where the mask stops to grow.
 //! - a penalty for masks that take nearly everything.
 //!
 //! Later strokes leave out the leaks that their first stroke's masks disagree with.
