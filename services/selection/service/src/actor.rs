@@ -77,7 +77,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         .map_err(|e| e.to_string())
         .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
         .map_err(StartError::Failed)?;
-    let state_message = selection::State {
+    let mut state_message = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
         clusters: u32::try_from(index.clusters()).unwrap_or(u32::MAX),
@@ -89,10 +89,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
         answers: None,
     };
-    host.serve_content(&keys::SELECTION_CONTENT).await?;
-    let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
     let revisions = scene.clone();
-    let selector = Selector {
+    let mut selector = Selector {
         bus: host.bus().clone(),
         session: SelectionSession::new(Arc::clone(&index)),
         indexed: (Arc::clone(&index), index),
@@ -102,6 +100,10 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         answered: 0,
         last_walk_ms: 0.0,
     };
+    // After a restart the first state has the answers to what the scene has kept.
+    (state_message.revision, state_message.answers) = tokio::task::block_in_place(|| selector.newest_answers());
+    host.serve_content(&keys::SELECTION_CONTENT).await?;
+    let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
     let (mailbox, _) = host.spawn(selector, QUEUE);
     tokio::spawn(publish_revisions(revisions, mailbox.clone(), owned, state_message));
     host.route(&keys::SELECTION_SAMPLE, QUEUE, &mailbox, |request, _, reply| Message::Sample { request, reply })
