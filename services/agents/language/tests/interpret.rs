@@ -74,6 +74,22 @@ fn frames_purposes_and_signs_are_understood() {
         ("set the opacity of the bone to -20 %", "reduce the opacity of the bone by 20 %"),
         ("crank up the opacity of the skin", "increase the opacity of the skin"),
         ("what is the volume of the sac", "how big is the sac"),
+        ("could we see the bone in yellow", "make the bone yellow"),
+        ("I'd love to see the skin disappear", "hide the skin"),
+        ("can you get the skin out of my way?", "hide the skin"),
+        ("kill the skin", "hide the skin"),
+        ("just the bone", "show only the bone"),
+        ("nothing but the bone and the sac", "show only the bone and the sac"),
+        ("bone only", "show only the bone"),
+        ("skin at 40 percent", "set the opacity of the skin to 40 %"),
+        ("skin 40%", "set the opacity of the skin to 40 %"),
+        ("a little less transparent please", "make it a little less transparent"),
+        ("it's too bright", "make it darker"),
+        ("that was wrong", "undo"),
+        ("select what is not selected", "invert the selection"),
+        ("make the sac red but keep the vessel as it is", "make the sac red"),
+        ("spin it by 90 degrees", "rotate it by 90 degrees"),
+        ("where is the sac?", "frame the sac"),
     ] {
         means(said, &[], plain);
     }
