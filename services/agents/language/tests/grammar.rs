@@ -6,10 +6,11 @@ use proptest::prelude::*;
 use serde::Deserialize;
 use sg_language::commands;
 use sg_language::grammar::{self, UtteranceError};
+use sg_proto::language::movement::Kind;
 use sg_proto::language::{Act, Clause, Observation, Reference};
 use sg_proto::scene::{
-    BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit, Vector, View,
-    set_view,
+    Axis, BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit, Vector,
+    View, set_view,
 };
 
 #[derive(Deserialize)]
@@ -130,6 +131,27 @@ fn view(clause: &Clause) -> String {
     }
 }
 
+/// Verb and rest of a movement; `?` for a number that was not said.
+fn moved(kind: &Kind) -> (&'static str, String) {
+    let said = |value: Option<f64>| value.map_or("?".to_owned(), number);
+    match kind {
+        Kind::Shift(shift) => {
+            let way = shift.way().as_str_name().trim_start_matches("WAY_").to_lowercase().replace('_', " ");
+            let unit = if shift.millimetres { " mm" } else { "" };
+            ("move", format!(" {way} {}{unit}", said(shift.distance)))
+        }
+        Kind::Rotation(rotation) => {
+            let way = match rotation.axis() {
+                Axis::Unspecified => rotation.way().as_str_name().trim_start_matches("WAY_").to_lowercase(),
+                axis => axis.as_str_name().trim_start_matches("AXIS_PLUS_").to_lowercase(),
+            };
+            ("spin", format!(" {way} {}", said(rotation.degrees)))
+        }
+        Kind::Scale(scale) => ("scale", format!(" {}", said(scale.factor))),
+        Kind::PutBack(_) => ("put back", String::new()),
+    }
+}
+
 /// A clause in the notation of `grammar.toml`.
 fn short(clause: &Clause) -> String {
     let about = target(clause.target.as_ref());
@@ -172,6 +194,20 @@ fn short(clause: &Clause) -> String {
         }
         Act::SaveCopy => format!("copy -> {}", clause.file),
         Act::Open => format!("open {}", clause.file),
+        Act::Transform => {
+            let kind = clause.movement.as_ref().unwrap().kind.as_ref().unwrap();
+            format!("{} {about}{}", moved(kind).0, moved(kind).1)
+        }
+        Act::Merge => format!("merge {about} -> {}", clause.name),
+        Act::SetTone => {
+            let tone = clause.tone.as_ref().unwrap();
+            let sign = if tone.relative { "x" } else { "=" };
+            let terms =
+                [("saturation", tone.saturation), ("brightness", tone.brightness), ("temperature", tone.temperature)];
+            let terms =
+                terms.into_iter().filter_map(|(name, value)| Some(format!(" {name} {sign} {}", number(value?.into()))));
+            format!("tone {about}{}", terms.collect::<String>())
+        }
         Act::Describe => format!("describe {about}"),
         Act::QuerySelection => "selection?".to_owned(),
         Act::Undo => format!("undo {amount}"),

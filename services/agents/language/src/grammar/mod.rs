@@ -13,6 +13,7 @@
 //! | "transparent" · "half/semi-transparent" · "80 % transparent" | opacity 0.3 · 0.5 · 0.2 |
 //! | "rotate left", "turn the camera left" | the camera moves to its left |
 //! | "turn it left" | the scene turns left, so the camera moves to its right |
+//! | "turn the sac left by 30 degrees", "turn it by 30 degrees" after a command on the sac | the sac turns |
 //! | "light from the left" | light from the left of the current picture |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
@@ -76,6 +77,7 @@ pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceE
             names: &normalized,
             opening_lemmas: &OPENINGS.first_lemmas,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
+            has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             view: scene.and_then(|s| s.view.as_ref()),
             readings_left: Cell::new(MAX_READINGS),
         };
