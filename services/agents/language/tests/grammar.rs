@@ -259,6 +259,21 @@ fn every_utterance_of_the_corpus_has_its_intent() {
     assert!(utterances >= 150 && refusals >= 25, "{utterances} utterances, {refusals} refusals");
 }
 
+/// "It" is the unit of the last command, so it turns; without one "it" is the picture.
+#[test]
+fn it_turns_after_a_command_on_a_unit() {
+    let mut observation = observation(&["sac", "vessel"], false);
+    let means = |observation: &Observation, said: &str| {
+        grammar::parse(said, observation).unwrap().clauses.iter().map(short).collect::<Vec<_>>()
+    };
+    assert_eq!(means(&observation, "rotate it 90° to the right"), ["turn -90 0"]);
+    observation.scene.as_mut().unwrap().focus = vec!["sac".to_owned()];
+    assert_eq!(means(&observation, "rotate it 90° to the right"), ["spin IT right 90"]);
+    assert_eq!(means(&observation, "turn it up"), ["turn 0 -30"], "without an angle it is the picture");
+    assert_eq!(means(&observation, "enlarge it by 50 %"), ["scale IT 1.5"]);
+    assert_eq!(means(&observation, "enlarge it"), ["zoom 1.5"]);
+}
+
 #[test]
 fn politeness_and_capitals_do_not_change_the_intent() {
     for scene in &corpus().scene {

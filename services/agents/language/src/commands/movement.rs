@@ -34,7 +34,7 @@ pub(super) const TRANSFORM: Command = Command {
         Construct::with_ellipsis("rotate | turn | spin | tilt | revolve | swing", Ellipsis::Verb, rotated),
         Construct::with_ellipsis("scale | resize | enlarge | magnify | shrink | grow", Ellipsis::Verb, scaled),
         Construct::with_ellipsis(MAKE, Ellipsis::VerbTargetOrValue, becoming),
-        Construct::with_ellipsis("put | move | take | return | send", Ellipsis::Verb, put_back),
+        Construct::with_ellipsis("put | move | return | send", Ellipsis::Verb, put_back),
         Construct::with_ellipsis("put back | move back", Ellipsis::Verb, put_back_first),
     ],
     examples: &[
