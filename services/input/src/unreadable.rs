@@ -51,7 +51,6 @@ const FROM_POINTS: &str = "points are no Gaussians; train Gaussians on pictures 
 pub static UNREADABLE: &[UnreadableFormat] = &[
     row("DICOM", &[".dcm", ".dicom", ".ima"], &[(128, b"DICM")], FROM_SLICER),
     row("Analyze, or NIfTI in two files,", &[".hdr", ".img", ".hdr.gz", ".img.gz"], &[], FROM_SLICER),
-    row("MetaImage", &[".mhd", ".mha"], &[(0, b"ObjectType = "), (0, b"NDims = ")], FROM_SLICER),
     row("FreeSurfer MGH", &[".mgh", ".mgz"], &[], FROM_SLICER),
     row("Philips PAR/REC", &[".par", ".rec"], &[], "convert it to NIfTI with dcm2niix"),
     row("HDF5", &[".h5", ".hdf5", ".hdf", ".ims"], &[HDF5], AS_RAW),
@@ -194,7 +193,6 @@ mod tests {
             (0, b"\x89HDF\r\n\x1a\n", "HDF5"),
             (0, b"CDF\x01", "NetCDF"),
             (0, b"CDF\x02", "NetCDF"),
-            (0, b"ObjectType = Image\nNDims = 3\n", "MetaImage"),
             (0, b"MATLAB 5.0 MAT-file", "MATLAB"),
             (0, b"\x93NUMPY\x01\0", "NumPy"),
             (0, b" BDV\0\0\0\0", "OpenVDB"),

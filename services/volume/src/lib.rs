@@ -43,7 +43,7 @@ pub use grid::{Bounds, Grid};
 pub use histogram::automatic_transfer_function;
 pub use read::{
     ENDINGS, Limits, ReadError, WriteError, formats_help, lacks_spacing, raw_file_name, read_volume,
-    read_volume_within, write_raw, write_volume,
+    read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use transfer::TransferFunction;

@@ -49,6 +49,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "raw-volume" => raw_volumes(),
         "nrrd" => nrrds(),
         "nhdr" => vec![nhdr("raw", "data.raw", &voxels()), nhdr("gzip", "data.raw", &gzip(&voxels()))],
+        "metaimage" => metaimages(),
         "vti" => vec![vti_ascii(), vti_base64(), vti_appended()],
         "nifti" => vec![nifti(&voxels()), nifti2(&voxels())],
         "nifti-gzip" => vec![gzip(&nifti(&voxels()))],
@@ -195,6 +196,13 @@ fn voxels() -> Vec<u8> {
     (0..12).map(|i| i * 20).collect()
 }
 
+fn zlib(bytes: &[u8]) -> Vec<u8> {
+    use std::io::Write;
+    let mut out = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    out.write_all(bytes).unwrap();
+    out.finish().unwrap()
+}
+
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     use std::io::Write;
     let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
@@ -236,6 +244,23 @@ fn nhdr(encoding: &str, file: &str, data: &[u8]) -> Vec<u8> {
         "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 3 2\nspacings: 1 1 2\nencoding: {encoding}\ndata file: {file}\n"
     );
     [block(header.as_bytes()), data.to_vec()].concat()
+}
+
+fn metaimages() -> Vec<Vec<u8>> {
+    let header = |lines: &str, file: &str| {
+        format!(
+            "ObjectType = Image\nNDims = 3\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = 0 0 1\n\
+             AnatomicalOrientation = RAI\nElementSpacing = 1 1 2\nDimSize = 2 3 2\nElementType = MET_UCHAR\n{lines}ElementDataFile = {file}\n"
+        )
+    };
+    let image = |lines: &str, file: &str, data: &[u8]| [block(header(lines, file).as_bytes()), data.to_vec()].concat();
+    let text: Vec<String> = voxels().iter().map(u8::to_string).collect();
+    vec![
+        image("", "LOCAL", &voxels()),
+        image("CompressedData = True\n", "LOCAL", &zlib(&voxels())),
+        image("BinaryData = False\n", "LOCAL", text.join(" ").as_bytes()),
+        image("HeaderSize = -1\nElementByteOrderMSB = True\nName = sac\n", "data.raw", &voxels()),
+    ]
 }
 
 fn vti(header: &str, arrays: &str, after: &str) -> Vec<u8> {

@@ -32,6 +32,13 @@ pub const TARGETS: &[Target] = &[
     target("raw-volume", "raw voxels, plain, gzip and zstd, with their names", Memory::EXPANDED, 2048, volumes::raw),
     target("nrrd", "NRRD with its voxels", Memory::EXPANDED, 2048, volumes::nrrd),
     target("nhdr", "NRRD header with voxels in another file", Memory::EXPANDED, 2048, volumes::nhdr),
+    target(
+        "metaimage",
+        "MetaImage, with its voxels and with voxels in another file",
+        Memory::EXPANDED,
+        2048,
+        volumes::metaimage,
+    ),
     target("vti", "VTK image data", Memory::EXPANDED, 4096, volumes::vti),
     target("nifti", "NIfTI-1 and NIfTI-2", Memory::EXPANDED, 2048, volumes::nifti),
     target("nifti-gzip", "compressed NIfTI", Memory::EXPANDED, 2048, volumes::nifti_gzip),

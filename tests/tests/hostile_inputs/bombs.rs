@@ -56,6 +56,15 @@ pub(crate) fn cases() -> Vec<Case> {
         zeros(|piece| out.write_all(piece).unwrap(), 256);
         out.finish().unwrap()
     };
+    let metaimage = |sizes: &str| {
+        let mut out = ZlibEncoder::new(Vec::new(), Compression::fast());
+        zeros(|piece| out.write_all(piece).unwrap(), 256);
+        let header = readers::metaimage(sizes, "MET_UCHAR", "CompressedData = True\n");
+        [header.into_bytes(), out.finish().unwrap()].concat()
+    };
+    fit("a.mha", metaimage("1024 1024 256"));
+    fit("b.mha", metaimage("8 8 8"));
+    fit("c.mha", metaimage("2000 2000 2000"));
     fit("a.nii.gz", nifti([1024, 1024, 256]));
     fit("b.nii.gz", nifti([8, 8, 8]));
     fit("c.nii.gz", nifti([2000, 2000, 2000]));

@@ -34,7 +34,7 @@ pub(crate) fn cases() -> Vec<Case> {
         }
         // Another reader's file.
         if has_header {
-            let other = if matches!(reader.name, "nrrd" | "nifti" | "vti") { "ply" } else { "nrrd" };
+            let other = if matches!(reader.name, "nrrd" | "nifti" | "vti" | "metaimage") { "ply" } else { "nrrd" };
             add("another format", RIGHT.of(other));
         }
     }
@@ -205,6 +205,30 @@ fn volumes() -> Vec<Case> {
         ("a line without end", "NRRD0004\n".to_owned() + &"a".repeat(3 << 20)),
     ] {
         cases.push(one(readers::named("nrrd"), name, [text.into_bytes(), voxels.clone()].concat()));
+    }
+    let image = |lines: &str| readers::metaimage("8 8 8", "MET_UCHAR", lines);
+    for (name, text) in [
+        ("a terabyte", readers::metaimage("10000 10000 10000", "MET_UCHAR", "")),
+        ("a product beyond 64 bits", readers::metaimage("4294967295 4294967295 4294967295", "MET_UCHAR", "")),
+        ("a negative size", readers::metaimage("8 8 -8", "MET_UCHAR", "")),
+        ("two sizes", readers::metaimage("8 64", "MET_UCHAR", "")),
+        ("a type that is none", readers::metaimage("8 8 8", "MET_STRING", "")),
+        ("a zlib stream that is none", image("CompressedData = True\n")),
+        ("text that is none", image("BinaryData = False\n")),
+        ("a header size without end", image("HeaderSize = 18446744073709551615\n")),
+        ("a header size of minus two", image("HeaderSize = -2\n")),
+        ("three channels", image("ElementNumberOfChannels = 3\n")),
+        ("a spacing of nothing", image("ElementSpacing = 0 0 0\n")),
+        ("axes in a plane", image("TransformMatrix = 1 0 0 0 1 0 1 1 0\n")),
+        ("an origin that is no number", image("Offset = nan 0 0\n")),
+        ("a list of files", image("").replace("LOCAL", "LIST")),
+        ("a pattern of files", image("").replace("LOCAL", "%03d.raw 1 8 1")),
+        ("a data file that is not there", image("").replace("LOCAL", "none")),
+        ("no data file", image("").replace("ElementDataFile = LOCAL\n", "")),
+        ("a header without end", "NDims = 3\n".to_owned() + &"a = b\n".repeat(300_000)),
+        ("a line without end", "NDims = ".to_owned() + &"3".repeat(3 << 20)),
+    ] {
+        cases.push(one(readers::named("metaimage"), name, [text.into_bytes(), voxels.clone()].concat()));
     }
     for (name, dims) in [
         ("a volume of 2^45 voxels", [32767, 32767, 32767]),

@@ -68,6 +68,10 @@ fn in_files() -> Vec<Case> {
     add("strokes", "operation", "{\"strokes\":[{\"operation\":\"\\u001b[2J\\n\\u202e\"}]}".to_owned());
     add("strokes", "key", "{\"\\u001b[2J\\n\":[]}".to_owned());
     add("graph", "key", "{\"\\u001b[2J\\n\":[]}".to_owned());
+    add("metaimage", "type", readers::metaimage("8 8 8", escape, ""));
+    add("metaimage", "sizes", readers::metaimage(escape, "MET_UCHAR", ""));
+    add("metaimage", "line", format!("NDims = 3\n{escape}\n"));
+    add("metaimage", "data file", readers::metaimage("8 8 8", "MET_UCHAR", "").replace("LOCAL", escape));
     add("nrrd", "type", readers::nrrd("8 8 8", escape, "raw"));
     add("nrrd", "sizes", readers::nrrd(escape, "uint8", "raw"));
     add("nrrd", "encoding", readers::nrrd("8 8 8", "uint8", escape));

@@ -84,6 +84,7 @@ pub(crate) const READERS: [Reader; 28] = [
     reader("raw.gz", "_8x8x8_uint8.raw.gz", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("raw.zst", "_8x8x8_uint8.raw.zst", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("nrrd", ".nrrd", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("metaimage", ".mha", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("vti", ".vti", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("nifti", ".nii", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader(
@@ -200,6 +201,7 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("raw.gz", gzip(&voxels)),
         ("raw.zst", zstd::encode_all(&voxels[..], 3).unwrap()),
         ("nrrd", [nrrd("8 8 8", "uint8", "raw").into_bytes(), voxels.clone()].concat()),
+        ("metaimage", [metaimage("8 8 8", "MET_UCHAR", "").into_bytes(), voxels.clone()].concat()),
         ("vti", vti(&numbers.join(" ")).into_bytes()),
         ("nifti", nifti([8, 8, 8], &voxels)),
         ("truth volume", voxels.iter().map(|v| v % 3).collect()),
@@ -261,6 +263,11 @@ pub(crate) fn transfer(units: usize) -> String {
 
 pub(crate) fn nrrd(sizes: &str, kind: &str, encoding: &str) -> String {
     format!("NRRD0004\ntype: {kind}\ndimension: 3\nsizes: {sizes}\nencoding: {encoding}\nendian: little\n\n")
+}
+
+/// The header of a MetaImage with these lines before the last.
+pub(crate) fn metaimage(sizes: &str, kind: &str, lines: &str) -> String {
+    format!("ObjectType = Image\nNDims = 3\nDimSize = {sizes}\nElementType = {kind}\n{lines}ElementDataFile = LOCAL\n")
 }
 
 /// A NIfTI-1 file of uint8.

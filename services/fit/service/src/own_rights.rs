@@ -48,9 +48,7 @@ pub(crate) fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
     let mut rights = Rights::none();
     rights.read.extend(STATE.map(PathBuf::from));
     rights.read.extend(files.inputs.iter().chain(&files.volumes).map(|path| path.to_path_buf()));
-    let is_header =
-        |v: &&&Path| v.extension().is_some_and(|e| e.eq_ignore_ascii_case("nhdr") || e.eq_ignore_ascii_case("nrrd"));
-    let headers = files.volumes.iter().filter(is_header);
+    let headers = files.volumes.iter().filter(|volume| sg_volume::reads_beside(volume));
     rights.read.extend(headers.map(|header| folder_of(header)));
     rights.write.extend(files.outputs.iter().map(|output| folder_of(output)));
     let mut made = MadeFolders::default();

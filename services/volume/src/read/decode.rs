@@ -14,6 +14,8 @@ pub(super) enum Packing {
     Plain,
     /// gzip.
     Gzip,
+    /// zlib, that is deflate with the header of RFC 1950.
+    Zlib,
     /// Zstandard.
     Zstd,
 }
@@ -24,7 +26,7 @@ impl Packing {
     fn largest_ratio(self) -> u64 {
         match self {
             Self::Plain => 1,
-            Self::Gzip => 1032,
+            Self::Gzip | Self::Zlib => 1032,
             Self::Zstd => 32 * 1024,
         }
     }
@@ -56,15 +58,19 @@ impl Voxels {
         let expected = source.voxel_bytes(self.dims, self.scalar)?;
         let wrong = |found| self.wrong_size(source, expected, found);
         let most = available.saturating_mul(self.packing.largest_ratio()).saturating_sub(skip);
-        match self.packing {
-            Packing::Plain if available != expected.saturating_add(skip) => return Err(wrong(ActualSize::Bytes(most))),
-            Packing::Gzip | Packing::Zstd if most < expected => return Err(wrong(ActualSize::AtMost(most))),
-            Packing::Gzip | Packing::Zstd => source.check_expanded(expected.saturating_add(skip), available)?,
-            Packing::Plain => {}
+        if self.packing == Packing::Plain {
+            if available != expected.saturating_add(skip) {
+                return Err(wrong(ActualSize::Bytes(most)));
+            }
+        } else if most < expected {
+            return Err(wrong(ActualSize::AtMost(most)));
+        } else {
+            source.check_expanded(expected.saturating_add(skip), available)?;
         }
         let result = match self.packing {
             Packing::Plain => self.decode(reader, skip, expected),
             Packing::Gzip => self.decode(flate2::read::MultiGzDecoder::new(reader), skip, expected),
+            Packing::Zlib => self.decode(flate2::read::ZlibDecoder::new(reader), skip, expected),
             Packing::Zstd => match zstd::stream::read::Decoder::new(reader) {
                 Ok(decoder) => self.decode(decoder, skip, expected),
                 Err(e) => Err(Failure::Io(e)),

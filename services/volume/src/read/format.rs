@@ -14,6 +14,8 @@ pub(super) trait VolumeFormat {
     const NAME: &'static str;
     /// Endings of file names with their dot, in lower case.
     const ENDINGS: &'static [&'static str];
+    /// Whether a file may name another one with its voxels.
+    const READS_BESIDE: bool = false;
 
     /// Whether a file is of this format although its name has no known ending. `name` is the file name in lower case;
     /// `first` holds the first bytes of the file, at most [`SNIFFED_BYTES`].
@@ -36,6 +38,7 @@ pub(super) const SNIFFED_BYTES: u64 = 1024;
 pub struct Format {
     name: &'static str,
     endings: &'static [&'static str],
+    reads_beside: bool,
     sniff: fn(&str, &[u8]) -> bool,
     read: fn(Source<'_>) -> Result<Volume, ReadError>,
     write: fn(&Path, &Volume, &mut dyn Write) -> Result<(), WriteError>,
@@ -44,7 +47,8 @@ pub struct Format {
 impl Format {
     /// The row of a format.
     pub(super) const fn of<F: VolumeFormat>() -> Self {
-        Self { name: F::NAME, endings: F::ENDINGS, sniff: F::sniff, read: F::read, write: F::write }
+        let (name, endings, reads_beside) = (F::NAME, F::ENDINGS, F::READS_BESIDE);
+        Self { name, endings, reads_beside, sniff: F::sniff, read: F::read, write: F::write }
     }
 
     /// Name of the format.
@@ -57,6 +61,11 @@ impl Format {
     #[must_use]
     pub const fn endings(&self) -> &'static [&'static str] {
         self.endings
+    }
+
+    /// Whether a file may name another one with its voxels.
+    pub(super) const fn reads_beside(&self) -> bool {
+        self.reads_beside
     }
 
     /// Whether a file name in lower case has an ending of this format.

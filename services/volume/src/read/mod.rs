@@ -8,6 +8,7 @@
 mod decode;
 mod error;
 mod format;
+mod metaimage;
 mod nifti;
 mod nrrd;
 mod raw;
@@ -32,6 +33,7 @@ pub use source::Limits;
 pub const FORMATS: &[Format] = &[
     Format::of::<raw::Raw>(),
     Format::of::<nrrd::Nrrd>(),
+    Format::of::<metaimage::MetaImage>(),
     Format::of::<vti::VtkImageData>(),
     Format::of::<nifti::Nifti>(),
 ];
@@ -108,6 +110,13 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
 pub fn lacks_spacing(path: &Path) -> bool {
     let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     Format::of::<raw::Raw>().has_ending(&name)
+}
+
+/// Whether the name of a volume selects a format whose files may name another one with their voxels: NRRD and MetaImage headers.
+#[must_use]
+pub fn reads_beside(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    FORMATS.iter().any(|format| format.reads_beside() && format.has_ending(&name))
 }
 
 /// Writes a volume in the format that the name of `path` selects. Only raw files can be written: plain, little endian,

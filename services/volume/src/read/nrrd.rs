@@ -32,6 +32,7 @@ pub(super) struct Nrrd;
 impl VolumeFormat for Nrrd {
     const NAME: &'static str = "NRRD";
     const ENDINGS: &'static [&'static str] = &[".nrrd", ".nhdr"];
+    const READS_BESIDE: bool = true;
 
     fn sniff(_name: &str, first: &[u8]) -> bool {
         first.starts_with(MAGIC.as_bytes())

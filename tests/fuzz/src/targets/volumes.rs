@@ -34,6 +34,15 @@ pub(crate) fn nhdr(stage: &Stage, input: &[u8]) -> bool {
     volume(&stage.write("in.nhdr", header))
 }
 
+/// The first block is the header; the rest follows it, and lies beside it too.
+pub(crate) fn metaimage(stage: &Stage, input: &[u8]) -> bool {
+    let mut parts = Parts(input);
+    let header = parts.block();
+    let voxels = parts.rest();
+    stage.write("data.raw", voxels);
+    volume(&stage.write("in.mha", &[header, voxels].concat()))
+}
+
 pub(crate) fn vti(stage: &Stage, input: &[u8]) -> bool {
     volume(&stage.write("in.vti", input))
 }
