@@ -142,7 +142,7 @@ fn rotated(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
             exactly("z").map(|_| Axis::PlusZ),
         ))
         .parse_next(input)?;
-        opt((exactly("axis"),)).parse_next(input)?;
+        opt(exactly("axis")).parse_next(input)?;
         Ok(axis)
     };
     let side = |input: &mut Input<'_>| {

@@ -14,7 +14,7 @@ use crate::resolution::{Refusal, Step, missing, target_of};
 use crate::syntax::phrase::{Input, Outcome, end};
 use crate::syntax::reading::Reading;
 use crate::syntax::target::target_then;
-use crate::text::{capital, factor, is_plural, join, percent, target, the};
+use crate::text::{capital, factor, join, percent, target};
 
 /// The command "saturation".
 pub(super) const SET_TONE: Command = Command {
@@ -89,10 +89,6 @@ pub(crate) fn report(set: &SetTone, before: &State) -> String {
             tone.map(|t| t.map_or((1.0, 1.0, 0.0), |t| (t.saturation, t.brightness, t.temperature)))
         }
         _ => None,
-    };
-    let (what, plural) = match of.units.as_slice() {
-        [name] if !of.complement && !of.selection => (the(name), is_plural(name)),
-        _ => (what, plural),
     };
     let mut parts = Vec::new();
     let factors =
