@@ -27,7 +27,7 @@ fn a_tone_changes_its_target_and_keeps_every_other_term() {
     assert_eq!(editor.state().appearance().units.len(), 1);
     // A relative change multiplies; temperatures add up and stay in their range.
     let more = SetTone { saturation: Some(3.0), temperature: Some(0.75), relative: true, ..SetTone::default() };
-    run(&mut editor, [tone(units(&["bone"]), more), tone(units(&["bone"]), more)]);
+    run(&mut editor, [tone(units(&["bone"]), more.clone()), tone(units(&["bone"]), more)]);
     assert_eq!(tones(&editor, [3, 25, 40])[0], Tone { saturation: 4.0, temperature: 1.0, ..plain });
     run(&mut editor, [Action::Undo(Undo { steps: 3 })]);
     assert_eq!(tones(&editor, [3, 25, 40]), [plain; 3]);
