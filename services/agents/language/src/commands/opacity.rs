@@ -32,12 +32,12 @@ pub(super) const SET_OPACITY: Command = Command {
             fading,
         ),
         Construct::with_ellipsis(
-            "increase | raise | boost | double | triple | turn up | strengthen",
+            "increase | raise | boost | double | triple | turn up | strengthen | crank up | bump up | dial up",
             Ellipsis::Verb,
             |verb, input| term_change(verb, true, input),
         ),
         Construct::with_ellipsis(
-            "decrease | reduce | lower | halve | drop | cut | turn down | weaken",
+            "decrease | reduce | lower | halve | drop | cut | turn down | weaken | dial down",
             Ellipsis::Verb,
             |verb, input| term_change(verb, false, input),
         ),

@@ -37,7 +37,7 @@ pub(super) fn corrected(source: &str, tokens: &[Token], names: &[&str]) -> Optio
 }
 
 /// All words of the table and of the units' names.
-fn vocabulary(names: &[&str]) -> BTreeSet<String> {
+pub(super) fn vocabulary(names: &[&str]) -> BTreeSet<String> {
     let mut vocabulary = BTreeSet::new();
     let mut learn = |phrase: &str| {
         let words = token::tokens(phrase).into_iter().filter(|t| t.kind == Kind::Word);

@@ -65,6 +65,7 @@ pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.backend",
     "language.v1.Intent.model",
     "language.v1.Intent.fallback",
+    "language.v1.Intent.read_as",
     "scene.v1.SetView.view",
     "scene.v1.SetView.up",
     "scene.v1.SetTone.target",
