@@ -36,8 +36,8 @@ pub(super) fn set_opacity(name: &str, factor: f32) -> Action {
 }
 
 /// Terms of a unit's tone; absent ones stay.
-pub(super) fn set_tone(name: &str, terms: SetTone) -> Action {
-    Action::SetTone(SetTone { target: Some(unit(name)), ..terms })
+pub(super) fn set_tone(name: &str, terms: &SetTone) -> Action {
+    Action::SetTone(SetTone { target: Some(unit(name)), ..terms.clone() })
 }
 
 /// Merges units into the first one, or into a new one of this name.

@@ -4,7 +4,7 @@ use winnow::Parser;
 use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
-use crate::syntax::number::{quantity, times};
+use crate::syntax::number::{Quantity, quantity, times};
 use crate::syntax::phrase::{Input, Outcome, exactly, one_of, phrase, skip};
 
 const BIG: &str = "big | large | tall | long | wide";
@@ -71,7 +71,7 @@ pub(crate) fn factor(grows: Option<bool>, input: &mut Input<'_>) -> Outcome<f64>
 
 /// A factor. A bare number above 10 is a percentage.
 fn numeral(input: &mut Input<'_>) -> Outcome<f64> {
-    let value = alt((one_of("half").map(|_| 0.5), quantity.map(|q| q.as_opacity()))).parse_next(input)?;
+    let value = alt((one_of("half").map(|_| 0.5), quantity.map(Quantity::as_opacity))).parse_next(input)?;
     opt(exactly("x | times")).parse_next(input)?;
     Ok(value)
 }

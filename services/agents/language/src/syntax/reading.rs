@@ -61,7 +61,7 @@ impl Reading {
 
     /// A movement.
     pub(crate) fn movement(target: Target, kind: Kind) -> Self {
-        Self::of(Act::Transform, target).map(|c| c.movement = Some(Movement { kind: Some(kind.clone()) }))
+        Self::of(Act::Transform, target).map(|c| c.movement = Some(Movement { kind: Some(kind) }))
     }
 
     pub(crate) fn map(mut self, change: impl Fn(&mut Clause)) -> Self {
