@@ -74,6 +74,22 @@ fn frames_purposes_and_signs_are_understood() {
         ("set the opacity of the bone to -20 %", "reduce the opacity of the bone by 20 %"),
         ("crank up the opacity of the skin", "increase the opacity of the skin"),
         ("what is the volume of the sac", "how big is the sac"),
+        ("could we see the bone in yellow", "make the bone yellow"),
+        ("I'd love to see the skin disappear", "hide the skin"),
+        ("can you get the skin out of my way?", "hide the skin"),
+        ("kill the skin", "hide the skin"),
+        ("just the bone", "show only the bone"),
+        ("nothing but the bone and the sac", "show only the bone and the sac"),
+        ("bone only", "show only the bone"),
+        ("skin at 40 percent", "set the opacity of the skin to 40 %"),
+        ("skin 40%", "set the opacity of the skin to 40 %"),
+        ("a little less transparent please", "make it a little less transparent"),
+        ("it's too bright", "make it darker"),
+        ("that was wrong", "undo"),
+        ("select what is not selected", "invert the selection"),
+        ("make the sac red but keep the vessel as it is", "make the sac red"),
+        ("spin it by 90 degrees", "rotate it by 90 degrees"),
+        ("where is the sac?", "frame the sac"),
     ] {
         means(said, &[], plain);
     }
@@ -152,4 +168,39 @@ fn a_repair_stays_within_its_time() {
         let _ = interpret(said, &["make the sac red and the vessel blue and the bone green"]);
         assert!(start.elapsed() < std::time::Duration::from_secs(2), "“{said}” took {:?}", start.elapsed());
     }
+}
+
+/// Run by hand: `cargo test --release --workspace --test interpret -- --ignored --nocapture costs`.
+#[test]
+#[ignore = "a measurement"]
+#[allow(clippy::print_stderr, reason = "the table is the result")]
+fn costs_of_interpretation() {
+    let mut milliseconds = Vec::new();
+    for (said, before) in [
+        ("make the sac red", None),
+        ("hide the bone, make the vessel red and zoom in", None),
+        ("make the sac red, no, blue", None),
+        ("make the sac red and hide the bone, or rather the skin", None),
+        ("hide the skin so that I can see the bone", None),
+        ("bone opacity -20%", None),
+        ("hied the vesel", None),
+        ("mkae the vesel lihgt bleu", None),
+        ("the same for the vessel", Some("make the sac red")),
+        ("what a nice day", Some("make the sac red")),
+        ("please tell me what the weather will be tomorrow in the north of the country", Some("make the sac red")),
+    ] {
+        let request = request(said, before.as_slice());
+        let _ = grammar::interpret(&request);
+        let mut times: Vec<f64> = (0..200)
+            .map(|_| {
+                let start = std::time::Instant::now();
+                let _ = grammar::interpret(&request);
+                start.elapsed().as_secs_f64() * 1e3
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        milliseconds.push((times[100], times[197]));
+        eprintln!("{:8.3} ms median {:8.3} ms p99  {said}", times[100], times[197]);
+    }
+    assert_eq!(milliseconds.len(), 11);
 }

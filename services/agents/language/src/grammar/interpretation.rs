@@ -7,8 +7,7 @@
 use sg_proto::language::{Act, Intent, IntentRequest};
 
 use super::sentence::Sentence;
-use super::{Reader, UtteranceError, follow_up, parse, rewording, self_correction, spelling};
-use crate::syntax::token;
+use super::{Reader, UtteranceError, follow_up, rewording, self_correction, spelling, tokens_of};
 
 /// Longest utterance that is repaired, tokens. People say longer ones in parts.
 const MAX_REPAIRED_TOKENS: usize = 40;
@@ -39,7 +38,7 @@ const DESTRUCTIVE: [Act; 3] = [Act::DeleteGaussians, Act::Delete, Act::Reset];
 
 /// The intent of an utterance in its conversation.
 ///
-/// An utterance that [`parse`] does not understand is repaired where its meaning is clear:
+/// An utterance that [`super::parse`] does not understand is repaired where its meaning is clear:
 ///
 /// | utterance | meaning |
 /// | --- | --- |
@@ -57,33 +56,33 @@ const DESTRUCTIVE: [Act; 3] = [Act::DeleteGaussians, Act::Delete, Act::Reset];
 pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     let observation = request.observation.clone().unwrap_or_default();
     let text = request.text.as_str();
-    let literal = parse(text, &observation)?;
+    let tokens = tokens_of(text)?;
     let reader = Reader::new(&observation);
-    let tokens = token::tokens(text);
-    if tokens.len() > MAX_REPAIRED_TOKENS || reader.read_tokens(text, &tokens).is_certain() {
-        return Ok(withhold(literal));
+    let literal = reader.read_tokens(text, &tokens);
+    if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
+        return Ok(withhold(reader.intent(text, &tokens, literal)));
     }
-    let plain = rewording::of(text, &tokens).into_iter().find_map(|form| certain(&reader, &form));
-    let repaired = self_correction::of(&reader, text, &tokens).or(plain);
-    if let Some(sentence) = repaired {
-        return Ok(repaired_intent(sentence, text, String::new()));
+    let forms = rewording::of(text, &tokens);
+    let plain = || forms.iter().find_map(|form| certain(&reader, form));
+    if let Some(sentence) = self_correction::of(&reader, text, &tokens).or_else(plain) {
+        return Ok(repaired(sentence, text, String::new()));
     }
     if let Some(last) = request.conversation.last() {
         if let Some(sentence) = follow_up::of(&reader, text, &tokens, &last.utterance) {
-            return Ok(repaired_intent(sentence, text, String::new()));
+            return Ok(repaired(sentence, text, String::new()));
         }
         if follow_up::is_yes(&tokens)
             && let Some((better, sentence)) = spelling::repaired(&reader, &last.utterance)
         {
-            return Ok(repaired_intent(sentence, text, better));
+            return Ok(repaired(sentence, text, better));
         }
     }
-    let forms = std::iter::once(text.to_owned()).chain(rewording::of(text, &tokens));
-    let spelled = forms.filter_map(|form| spelling::repaired(&reader, &form)).next();
+    let spelled = std::iter::once(text).chain(forms.iter().map(String::as_str));
+    let spelled = spelled.filter_map(|form| spelling::repaired(&reader, form)).next();
     if let Some((better, sentence)) = spelled.filter(|(_, sentence)| is_safe(sentence)) {
-        return Ok(repaired_intent(sentence, text, better));
+        return Ok(repaired(sentence, text, better));
     }
-    Ok(withhold(literal))
+    Ok(withhold(reader.intent(text, &tokens, literal)))
 }
 
 fn certain(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
@@ -95,7 +94,7 @@ fn is_safe(sentence: &Sentence) -> bool {
 }
 
 /// The intent of a repaired sentence. A clause alone has the words that the person said.
-fn repaired_intent(sentence: Sentence, text: &str, read_as: String) -> Intent {
+fn repaired(sentence: Sentence, text: &str, read_as: String) -> Intent {
     let mut clauses = sentence.clauses;
     if let [clause] = clauses.as_mut_slice() {
         clause.words = text.split_whitespace().collect::<Vec<_>>().join(" ");

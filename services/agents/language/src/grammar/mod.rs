@@ -67,16 +67,19 @@ pub enum UtteranceError {
 /// # Errors
 /// [`UtteranceError`]: the utterance is empty or longer than [`MAX_UTTERANCE_BYTES`].
 pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceError> {
+    let tokens = tokens_of(text)?;
+    let reader = Reader::new(observation);
+    let sentence = reader.read_tokens(text, &tokens);
+    Ok(reader.intent(text, &tokens, sentence))
+}
+
+/// The tokens of an utterance of a length that the contract allows.
+fn tokens_of(text: &str) -> Result<Vec<Token>, UtteranceError> {
     if text.len() > MAX_UTTERANCE_BYTES {
         return Err(UtteranceError::TooLong(text.len()));
     }
-    let reader = Reader::new(observation);
     let tokens = token::tokens(text);
-    if tokens.is_empty() {
-        return Err(UtteranceError::Empty);
-    }
-    let sentence = reader.read_tokens(text, &tokens);
-    Ok(reader.intent(text, &tokens, sentence))
+    if tokens.is_empty() { Err(UtteranceError::Empty) } else { Ok(tokens) }
 }
 
 /// Reads texts for one scene.
