@@ -13,6 +13,7 @@
 //! | "transparent" · "half/semi-transparent" · "80 % transparent" | opacity 0.3 · 0.5 · 0.2 |
 //! | "rotate left", "turn the camera left" | the camera moves to its left |
 //! | "turn it left" | the scene turns left, so the camera moves to its right |
+//! | "turn the sac left by 30 degrees", "turn it by 30 degrees" after a command on the sac | the sac turns |
 //! | "light from the left" | light from the left of the current picture |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
@@ -89,6 +90,7 @@ struct Reader<'o> {
     /// The same, each with its normalized words.
     normalized: Vec<(String, Vec<String>)>,
     has_selection: bool,
+    has_focus: bool,
     view: Option<&'o View>,
 }
 
@@ -100,6 +102,7 @@ impl<'o> Reader<'o> {
             normalized: names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect(),
             names,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
+            has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             view: scene.and_then(|s| s.view.as_ref()),
         }
     }
@@ -114,6 +117,7 @@ impl<'o> Reader<'o> {
             names: &self.normalized,
             opening_lemmas: &OPENINGS.first_lemmas,
             has_selection: self.has_selection,
+            has_focus: self.has_focus,
             view: self.view,
             readings_left: Cell::new(MAX_READINGS),
         };
