@@ -36,8 +36,11 @@ const FILLED: (f64, f64, f64) = (7.5, 12.5, 0.8);
 /// Weight of the growth of the mask over [`SPACING`] decades.
 const GROWTH: f64 = 2.3;
 
-/// Share of the scene from which a mask takes nearly everything, the share at which the penalty is full, and the penalty.
-const NEARLY_ALL: (f64, f64, f64) = (0.8, 1.0, 8.0);
+/// Share of the scene from which a mask takes nearly everything.
+pub(crate) const NEARLY_ALL: f64 = 0.8;
+
+/// Penalty of a mask that takes everything. It begins at [`NEARLY_ALL`].
+const ALL: f64 = 8.0;
 
 /// Decades of the leak between a clear step and the usual next narrower and next wider one.
 const NEXT: (f64, f64) = (0.5, 1.1);
@@ -145,8 +148,8 @@ impl Answers {
         let usual = USUAL.0 + USUAL.1 * (shown.hit.max(1) as f64 / shown.all.max(1) as f64).log10() + FILLED.2 * filled;
         let suits = |i: usize| {
             let share = family[i].gaussians as f64 / shown.all.max(1) as f64;
-            let nearly_all = ((share - NEARLY_ALL.0) / (NEARLY_ALL.1 - NEARLY_ALL.0)).clamp(0.0, 1.0);
-            -(decades(i) - usual).powi(2) - GROWTH * growth[i] - NEARLY_ALL.2 * nearly_all
+            let nearly_all = ((share - NEARLY_ALL) / (1.0 - NEARLY_ALL)).clamp(0.0, 1.0);
+            -(decades(i) - usual).powi(2) - GROWTH * growth[i] - ALL * nearly_all
         };
         let first = best(&suits, &mut (0..family.len()).filter(|i| allowed(*i)))?;
         let clear = |narrow: usize, wide: usize| {

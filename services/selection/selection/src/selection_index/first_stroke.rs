@@ -1,8 +1,8 @@
 //! What later strokes say about the scale of the first one.
 //!
 //! The first green stroke alone has a family of masks. A mask that holds nothing of what was brushed green since is too
-//! narrow, and one that holds all of what was brushed red is too wide. The other leaks go on. Where there is none, the
-//! strokes ask for a union of parts, and all leaks go on.
+//! narrow, and one that holds all of what was brushed red is too wide. The other leaks go on. Where there is none, or where
+//! all of them take nearly everything, the strokes ask for a union of parts, and all leaks go on.
 
 use sg_walk::Seed;
 
@@ -23,8 +23,9 @@ impl FirstStroke {
         self.threshold
     }
 
-    /// Leaks that agree with the seeds of all strokes. `mass` is the number of Gaussians of each node.
-    pub(super) fn consistent(&self, seeds: &[Seed], mass: &[f64]) -> Vec<bool> {
+    /// Leaks that agree with the seeds of all strokes. `mass` is the number of Gaussians of each node, and `most` that of a
+    /// mask that does not take nearly everything.
+    pub(super) fn consistent(&self, seeds: &[Seed], mass: &[f64], most: f64) -> Vec<bool> {
         let later = |kind: Seed| {
             let is_later = move |node: &usize| seeds[*node] == kind && self.seeds[*node] != kind;
             (0..seeds.len()).filter(is_later).collect::<Vec<usize>>()
@@ -40,7 +41,9 @@ impl FirstStroke {
             !too_narrow && !too_wide
         };
         let consistent: Vec<bool> = self.selected.iter().map(agrees).collect();
-        if consistent.contains(&true) { consistent } else { vec![true; self.selected.len()] }
+        let size = |selected: &[bool]| selected.iter().zip(mass).filter(|(s, _)| **s).map(|(_, m)| m).sum::<f64>();
+        let says_something = consistent.iter().zip(&self.selected).any(|(c, selected)| *c && size(selected) <= most);
+        if says_something { consistent } else { vec![true; self.selected.len()] }
     }
 }
 
@@ -59,7 +62,7 @@ mod tests {
     fn consistent(later: &[(usize, Seed)]) -> Vec<bool> {
         let mut seeds = first().seeds;
         later.iter().for_each(|(node, seed)| seeds[*node] = *seed);
-        first().consistent(&seeds, &[1.0; 6])
+        first().consistent(&seeds, &[1.0; 6], 4.8)
     }
 
     #[test]
@@ -77,5 +80,7 @@ mod tests {
     #[test]
     fn strokes_that_no_scale_agrees_with_leave_all() {
         assert_eq!(consistent(&[(3, Seed::Foreground), (1, Seed::Background)]), [true; 4]);
+        // Only the mask of everything holds the last node. The second stroke then means another part.
+        assert_eq!(consistent(&[(5, Seed::Foreground)]), [true; 4]);
     }
 }

@@ -19,7 +19,7 @@ use sg_walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver,
 use super::farthest::FarthestRule;
 use super::first_stroke::FirstStroke;
 use super::walk_options::{Background, WalkOptions};
-use crate::answers::{Answer, Answers, Shown, leaks};
+use crate::answers::{Answer, Answers, NEARLY_ALL, Shown, leaks};
 
 /// Largest number of unknowns of a walk on Gaussians that is eliminated. Larger walks are iterated.
 const MAX_ELIMINATED: usize = 2000;
@@ -342,7 +342,7 @@ impl WalkIndex {
             conductance: self.conductance(selected, &active),
         };
         let answers = family.leaks().iter().zip(&masks).map(answer).collect();
-        let consistent = first.map(|first| first.consistent(&seeds, &self.mass));
+        let consistent = first.map(|first| first.consistent(&seeds, &self.mass, NEARLY_ALL * shown.all as f64));
         let Some(answers) = Answers::among(answers, shown, |i| consistent.as_ref().is_none_or(|c| c[i])) else {
             return Ok(None);
         };

@@ -70,10 +70,15 @@ fn later_strokes_leave_out_the_scales_that_they_disagree_with() {
         let members: Vec<u32> = clusters.iter().flat_map(|c| index.members(*c)).copied().collect();
         members.iter().filter(|g| mask.get(**g as usize)).count() as f64 / members.len() as f64
     };
-    let far = Stroke { kind: Kind::Foreground, ..red.clone() };
+    // A place that the narrowest mask does not hold, and one that does not take nearly everything does.
+    let (scene, _) = vessel_and_sac(6000, 3);
+    let held = masks.iter().find(|m| m.count() > masks[0].count() && m.count() < 4800).unwrap();
+    let place = held.ones().find(|g| !masks[0].get(*g)).and_then(|g| scene.position(g)).unwrap();
+    let points = normalized(&scene, &[place.as_vec3()]);
+    let near = stroke(Mode::Walk, Kind::Foreground, 1e-6, points);
     for (second, agrees) in [
         (red.clone(), Box::new(|mask: &Mask| share(&red, mask) < 1.0) as Box<dyn Fn(&Mask) -> bool>),
-        (far.clone(), Box::new(|mask: &Mask| share(&far, mask) > 0.0)),
+        (near.clone(), Box::new(|mask: &Mask| share(&near, mask) > 0.0)),
     ] {
         let consistent: Vec<usize> = (0..LEAKS).filter(|i| agrees(&masks[*i])).collect();
         assert!(!consistent.is_empty() && consistent.len() < LEAKS, "{:?}: {consistent:?}", second.kind);
