@@ -297,7 +297,7 @@ table! {
     SCENE_STATE: Retained<scene::State> = (role::SCENE, "state");
 
     /// Adds strokes and commits the resulting selection.
-    SELECTION_STROKES: Request<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    SELECTION_STROKES: Request<selection::StrokesRequest, selection::StrokesReply> = (role::SELECTION, "cmd/strokes", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
     /// Previews the selection of an unfinished stroke.
     SELECTION_SAMPLE: Request<selection::SampleRequest, selection::SampleReply> = (role::SELECTION, "cmd/sample", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// Previews the selection for another leak or threshold of the random walk.

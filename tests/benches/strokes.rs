@@ -3,7 +3,7 @@
 //!
 //!     cargo bench --workspace --bench strokes -- --gaussians 170000 --strokes 10
 //!
-//! With `--pictures 90` the view draws all the while, on every core.
+//! With `--pictures 90` the view draws all the while, on every core. With `--every-scale 0` walks have one fixed leak.
 
 #![allow(
     clippy::unwrap_used,
@@ -67,7 +67,9 @@ fn main() {
     let pictures = argument("--pictures", 0);
     let folder = tempfile::tempdir().unwrap();
     let scene = made_scene::write(folder.path(), gaussians).unwrap();
+    let every_scale = argument("--every-scale", 1) != 0;
     let settings = [
+        format!("service.selection.params.every_scale={every_scale}"),
         format!("service.scene.params.scene={}", scene.display()),
         format!("service.render-view.params.frames_per_second={pictures}.0"),
     ];

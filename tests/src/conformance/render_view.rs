@@ -75,7 +75,8 @@ async fn previews(stage: &mut Stage<'_>) -> Result<(), String> {
     // So that every router on the way knows the subscribers.
     tokio::time::sleep(Duration::from_millis(100)).await;
     let tell = async |changed: Vec<u32>, hash: &str, revision: u64| {
-        let preview = Preview { selected: 1, changed, selection_hash: hash.to_owned(), revision };
+        let selection_hash = hash.to_owned();
+        let preview = Preview { selected: 1, changed, selection_hash, revision, answers: None };
         selection.publish(&keys::SELECTION_PREVIEW, &preview, &soon()).await.map_err(|f| f.to_string())
     };
     let (all, selected) = (state.count as u32, state.selection.unwrap_or_default());

@@ -1,6 +1,7 @@
 //! Checks of the role that turns strokes into selections.
 
 use std::path::Path;
+use std::time::Duration;
 
 use sg_edit::wire::decode_mask;
 use sg_proto::bus::Code;
@@ -12,7 +13,9 @@ use sg_proto::scene::{
     ChangesRequest, DeleteGaussians, Grow, InSphere, Invert, RestoreGaussians, Select, SelectionOperation,
     SelectionStep, SetVisibility, Stroke, StrokeKind, StrokeMode, Undo, WalkTuning,
 };
-use sg_proto::selection::{ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest};
+use sg_proto::selection::{
+    AnswerStep, Answers, ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest,
+};
 
 use super::question::{Question, hold, refused_as, soon};
 use super::scene::{named, shift};
@@ -58,6 +61,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("shows what a stroke would select while it is drawn", previews(stage).await);
     checks.note("tells what strokes select when they end", told(stage).await);
     checks.note("tries another leak and threshold after a walk", tunes(stage).await);
+    checks.note("answers a walk at every scale", answers(stage).await);
     checks.note("says where a next stroke would tell most", proposes(stage).await);
     checks.note("leaves out what is hidden", hidden(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
@@ -282,6 +286,8 @@ async fn tunes(stage: &mut Stage<'_>) -> Result<(), String> {
     let id = stage.new_id();
     refused_as(stage.put(&early, &id).await, &[Code::FailedPrecondition]).map_err(|why| format!("no walk: {why}"))?;
     let walked = draw(stage, &strokes(StrokeMode::Walk, true)).await?;
+    // The first answer may have chosen another leak.
+    let first = walked.answers.as_ref().and_then(|answers| answers.tuning).unwrap_or(first);
     let committed = selected(stage).await?;
     let revision = stage.scene_state().await?.revision;
     // Without a leak the walk has nothing to stop at within the unit.
@@ -323,6 +329,70 @@ async fn tunes(stage: &mut Stage<'_>) -> Result<(), String> {
         refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{what}: {why}"))?;
     }
     Ok(())
+}
+
+/// The answers that the service's state has at this revision of the scene or a later one.
+async fn told_answers(stage: &Stage<'_>, revision: u64) -> Result<Option<Answers>, String> {
+    let context = soon();
+    loop {
+        let state = stage.cli.newest(&keys::SELECTION_STATE, &context).await.map_err(|f| f.to_string())?;
+        if state.revision >= revision {
+            return Ok(state.answers);
+        }
+        hold(!context.remaining().is_zero(), || format!("its state stays at revision {}", state.revision))?;
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Takes every answer to a stroke, one after another. A service may have a single one.
+async fn answers(stage: &mut Stage<'_>) -> Result<(), String> {
+    let other = |answer: AnswerStep| StrokesRequest { answer: answer.into(), ..StrokesRequest::default() };
+    let refused = &[Code::FailedPrecondition];
+    draw(stage, &StrokesRequest { restart: true, ..StrokesRequest::default() }).await?;
+    let id = stage.new_id();
+    let early = stage.put(&Question::of(&keys::SELECTION_STROKES, &other(AnswerStep::Wider)), &id).await;
+    refused_as(early, refused).map_err(|why| format!("no walk: {why}"))?;
+    let first = draw(stage, &strokes(StrokeMode::Walk, true)).await?;
+    let told = told_answers(stage, first.revision).await?;
+    hold(told == first.answers, || format!("its state has {told:?}, the reply says {:?}", first.answers))?;
+    let Some(answers) = first.answers.clone() else { return Ok(()) };
+    let steps = answers.steps.as_slice();
+    hold(!steps.is_empty() && answers.taken == answers.first && answers.tuning.is_some(), || format!("{answers:?}"))?;
+    let nested = steps.windows(2).all(|pair| pair[0].gaussians < pair[1].gaussians && pair[0].leak > pair[1].leak);
+    hold(nested, || format!("its answers are not nested: {steps:?}"))?;
+    let mut newest = draw(stage, &other(AnswerStep::Narrowest)).await.unwrap_or_else(|_| first.clone());
+    let mut changes = u32::from(newest.revision != first.revision);
+    for (step, answer) in (0..).zip(steps) {
+        if step > 0 {
+            newest = draw(stage, &other(AnswerStep::Wider)).await?;
+            changes += 1;
+        }
+        let found = newest.answers.clone().unwrap_or_default();
+        hold(found.taken == step && found.steps == answers.steps && found.first == answers.first, || {
+            format!("answer {step} of {answers:?} became {found:?}")
+        })?;
+        hold(newest.selected == answer.gaussians && found.tuning.map(|t| t.leak) == Some(answer.leak), || {
+            format!("{} selected by {answer:?}", newest.selected)
+        })?;
+        let told = told_answers(stage, newest.revision).await?;
+        hold(told.as_ref() == Some(&found), || format!("its state has {told:?}, the reply says {found:?}"))?;
+    }
+    let id = stage.new_id();
+    let beyond = stage.put(&Question::of(&keys::SELECTION_STROKES, &other(AnswerStep::Wider)), &id).await;
+    refused_as(beyond, refused).map_err(|why| format!("wider than the widest: {why}"))?;
+    // The choice is among the steps of the scene.
+    stage.kill_and_serve().await?;
+    let again = told_answers(stage, newest.revision).await?;
+    hold(again == newest.answers, || format!("{again:?} after a restart, {:?} before", newest.answers))?;
+    if changes > 0 {
+        stage.change(Action::Undo(Undo { steps: changes })).await?;
+    }
+    let back = stage.scene_state().await?.selection.unwrap_or_default();
+    hold(back.hash == first.selection_hash, || format!("{} selected after the choices were undone", back.count))?;
+    let id = stage.new_id();
+    let unknown = StrokesRequest { answer: 99, ..StrokesRequest::default() };
+    let unknown = stage.put(&Question::of(&keys::SELECTION_STROKES, &unknown), &id).await;
+    refused_as(unknown, &[Code::InvalidArgument]).map_err(|why| format!("no known answer: {why}"))
 }
 
 /// Whether each Gaussian is selected.

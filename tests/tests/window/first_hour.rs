@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use sg_formats::load::{LoadOptions, load};
 use sg_proto::keys::{self, role};
 use sg_proto::scene::State;
+use sg_proto::selection::Answers;
 use sg_runtime::bus::{Bus, endpoint_of};
 use sg_tests::screen::{SIZE, Screen};
 use sg_tests::until::{PATIENCE, scene, selected, soon, view};
@@ -262,6 +263,7 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
     let brushed = window.brush().await;
     assert!(selected(&brushed) < brushed.count, "a stroke selects everything: {brushed:?}");
     window.picture("3-brushed").await;
+    window.less_and_more(&brushed).await;
 
     window.key("ctrl+s");
     window.type_line(file.name).await;
@@ -302,6 +304,44 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
 }
 
 impl Window<'_> {
+    /// The answers to the strokes of the selection at this revision of the scene.
+    async fn answers(&self, at: &State) -> Answers {
+        let context = soon();
+        loop {
+            let state = self.bus.newest(&keys::SELECTION_STATE, &context).await.unwrap();
+            if state.revision >= at.revision {
+                return state.answers.unwrap_or_default();
+            }
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+
+    /// Takes another answer to the stroke by a key, and one by words, and takes both back.
+    async fn less_and_more(&self, brushed: &State) {
+        let first = self.answers(brushed).await;
+        eprintln!("{}: {:?}, answer {} taken", self.file.path, first.steps, first.taken);
+        let another = |s: &State| s.revision > brushed.revision && selected(s) != selected(brushed);
+        let back = |at: u64| move |s: &State| s.revision > at && selected(s) == selected(brushed);
+        assert!(first.steps.len() > 1, "{}: one answer alone: {first:?}", self.file.path);
+        let (key, words) = if first.taken > 0 { ("comma", "only this part") } else { ("period", "the whole thing") };
+        self.key(key);
+        let stepped = self.scene("another answer by a key", another).await;
+        let taken = self.answers(&stepped).await;
+        assert_eq!((&taken.steps, taken.first), (&first.steps, first.first));
+        assert_eq!(taken.taken.abs_diff(first.taken), 1, "{taken:?}");
+        self.picture(&format!("3-{key}")).await;
+        self.key("ctrl+z");
+        let undone = self.scene("the first answer", back(stepped.revision)).await;
+        assert_eq!(self.answers(&undone).await, first);
+        let said = self.say(words).await;
+        assert!(said.contains(&format!("of {} answers", first.steps.len())), "{said}");
+        let by_words = self.scene("another answer by words", |s| s.revision > undone.revision && another(s)).await;
+        self.picture("3-by-words").await;
+        self.key("Escape");
+        self.key("ctrl+z");
+        self.scene("the first answer again", back(by_words.revision)).await;
+    }
+
     /// Moves, turns, scales and recolours the named structure by words, merges it with a second one, and takes each back.
     async fn edit_by_words(&self) {
         let name = self.file.name;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use sg_edit::Replica;
 use sg_proto::keys::{self, role};
-use sg_proto::selection::Preview;
+use sg_proto::selection::{Answers, Preview};
 use sg_runtime::bus::{Bus, BusError};
 use sg_scene::mask::Mask;
 use tokio::sync::watch;
@@ -24,12 +24,21 @@ pub(super) async fn follow(bus: &Bus) -> Result<watch::Receiver<Option<Preview>>
     Ok(previews)
 }
 
+/// Whether a preview was made over the current selection, and that did not go and come back since, as by undo.
+fn holds(replica: &Replica, preview: &Preview) -> bool {
+    preview.selection_hash == replica.state().selection().hash() && preview.revision >= replica.selected_at()
+}
+
+/// Answers of a preview that is shown.
+pub(super) fn answers(replica: &Replica, preview: Option<&Preview>) -> Option<Arc<Answers>> {
+    preview.filter(|p| holds(replica, p))?.answers.clone().map(Arc::new)
+}
+
 /// Highlighted mask of a view: the preview if it was made over the current selection, else that selection. A preview is
 /// stale once its selection went and came back, as by undo.
 pub(super) fn highlighted(replica: &Replica, preview: Option<&Preview>) -> Arc<Mask> {
     let committed = replica.state().selection();
-    let holds = |p: &&Preview| p.selection_hash == committed.hash() && p.revision >= replica.selected_at();
-    match preview.filter(|p| holds(p) && !p.changed.is_empty()) {
+    match preview.filter(|p| holds(replica, p) && !p.changed.is_empty()) {
         Some(preview) => Arc::new(changed(committed.mask(), &preview.changed)),
         None => Arc::clone(committed.mask()),
     }
@@ -77,9 +86,16 @@ mod tests {
     fn a_preview_shows_until_another_selection_is_committed_and_not_again_when_that_is_taken_back() {
         let mut replica = Replica::new(EditState::of_scene(&test_scene(&[("all", 8)]), "scene.ply", "hash"));
         let over = replica.state().selection().hash().to_owned();
-        let preview = Preview { selected: 2, changed: vec![3, 2], selection_hash: over, revision: replica.revision() };
+        let preview = Preview {
+            selected: 2,
+            changed: vec![3, 2],
+            selection_hash: over,
+            revision: replica.revision(),
+            answers: Some(Answers::default()),
+        };
         let shown = |replica: &Replica| highlighted(replica, Some(&preview)).ones().collect::<Vec<_>>();
         assert_eq!(shown(&replica), [3, 4]);
+        assert!(answers(&replica, Some(&preview)).is_some());
         // A change of something else leaves it.
         let other = Event { revision: 1, ..Event::default() };
         replica.apply(&other).unwrap();
@@ -88,6 +104,7 @@ mod tests {
         assert_eq!(shown(&replica), [3, 4, 5]);
         // Undone: the preview's base selection is current again.
         replica.apply(&commit(3, &[])).unwrap();
+        assert!(answers(&replica, Some(&preview)).is_none());
         assert_eq!(shown(&replica), [0; 0]);
     }
 

@@ -30,6 +30,9 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// Retry period for an available service without a known state.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
+/// Tries of a service that takes in a revision later, and their period.
+const SOON: u32 = 20;
+const SOON_AFTER: Duration = Duration::from_millis(25);
 /// First pause before a late or missing answer about the steps of undo is asked for again.
 const FIRST_RETRY: Duration = Duration::from_millis(50);
 
@@ -44,6 +47,7 @@ pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer:
     };
     tokio::spawn(history(ask, replica.receiver(), writer.clone()));
     tokio::spawn(scene(replica.receiver(), previews, writer.clone()));
+    tokio::spawn(answers(bus.clone(), replica.receiver(), writer.clone()));
     let liveliness = bus.watch_liveliness(QUEUE).await?;
     tokio::spawn(services(bus.clone(), host.blobs().clone(), liveliness, writer.clone()));
     let feeds = ConversationFeeds {
@@ -67,7 +71,11 @@ async fn scene(
         let newest = Arc::clone(&revisions.borrow_and_update().replica);
         let selected = preview::highlighted(&newest, previews.borrow_and_update().as_ref());
         let now = Arc::clone(newest.state());
+        let answers = preview::answers(&newest, previews.borrow().as_ref());
         writer.update(|state| {
+            if answers.is_some() {
+                state.answers = answers;
+            }
             state.uncommitted = !Arc::ptr_eq(&selected, now.selection().mask());
             state.selected = selected;
             state.trial_tuning = None;
@@ -101,6 +109,36 @@ async fn history<A: Future<Output = Option<State>>>(
             revisions.changed().await
         } else {
             tokio::time::timeout(pause, revisions.changed()).await.unwrap_or(Ok(()))
+        };
+        if changed.is_err() {
+            return;
+        }
+    }
+}
+
+/// The answers to the walk strokes of the selection. A preview has those of a stroke earlier.
+async fn answers(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>>, writer: StateWriter) {
+    let mut tries = 0;
+    loop {
+        let revision = revisions.borrow_and_update().replica.state().revision();
+        let newest = bus.newest(&keys::SELECTION_STATE, &Context::root().deadline_in(TIMEOUT)).await;
+        let newest = newest.ok().filter(|newest| newest.revision >= revision);
+        tries = if newest.is_some() { 0 } else { tries + 1 };
+        let changed = match newest {
+            Some(newest) => {
+                let answers = newest.answers.map(Arc::new);
+                writer.update(|state| {
+                    if state.answers != answers {
+                        state.answers = answers;
+                    }
+                });
+                revisions.changed().await
+            }
+            // The service takes in a revision after this process, or it is away.
+            None => {
+                let pause = if tries < SOON { SOON_AFTER } else { RETRY_AFTER };
+                tokio::time::timeout(pause, revisions.changed()).await.unwrap_or(Ok(()))
+            }
         };
         if changed.is_err() {
             return;

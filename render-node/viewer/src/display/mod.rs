@@ -31,7 +31,7 @@ pub use clusters::Clusters;
 pub use conversation::{Conversation, Entry, Turn};
 pub use draft::Drafts;
 pub use latest_worker::LatestWorker;
-pub use parameter_drag::{ParameterDrag, THRESHOLD_RANGE, WalkParameter};
+pub use parameter_drag::{ParameterDrag, THRESHOLD_RANGE, WalkParameter, answer_place, beside_answer, other_answer};
 pub use quality_control::{PictureCost, QualityControl};
 pub use request::Request;
 pub use request_queue::RequestQueue;

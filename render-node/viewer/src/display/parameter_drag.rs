@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use sg_edit::{LEAK_RANGE, reach_of};
 use sg_proto::scene::{SelectionStep, WalkTuning, selection_step::Step};
-use sg_proto::selection::StrokesRequest;
+use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesRequest};
 
 use super::number_format::{decimal, percent};
 use super::request::Request;
@@ -16,42 +16,67 @@ pub const THRESHOLD_RANGE: (f64, f64) = (-0.95, 0.95);
 /// Longest time that a released value shows before the scene confirms it.
 const SETTLES: Duration = Duration::from_secs(1);
 
-/// Parameter of a walk that a stick, a key or the wheel changes.
+/// What a stick, a key or the wheel changes of a walk.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WalkParameter {
-    /// Leak to the background: a greater leak selects less.
+    /// The answer to the strokes: narrower or wider, in steps. Without several answers it stands for [`Self::Leak`].
     #[default]
+    Size,
+    /// Leak to the background: a greater leak selects less.
     Leak,
     /// Required lead of the foreground.
     Threshold,
 }
 
 impl WalkParameter {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Leak, Self::Threshold];
+    /// All.
+    pub const ALL: [Self; 3] = [Self::Size, Self::Leak, Self::Threshold];
+
+    /// Those that a walk has.
+    #[must_use]
+    pub fn of(state: &ViewState) -> &'static [Self] {
+        if state.answers().is_some() { &Self::ALL } else { &Self::ALL[1..] }
+    }
+
+    /// The one that a chosen parameter stands for in this state.
+    #[must_use]
+    pub fn in_state(self, state: &ViewState) -> Self {
+        if Self::of(state).contains(&self) { self } else { Self::Leak }
+    }
+
+    /// The one before, or the one after it; the ends have themselves.
+    #[must_use]
+    pub fn beside(self, after: bool, state: &ViewState) -> Self {
+        let all = Self::of(state);
+        let at = all.iter().position(|p| *p == self.in_state(state)).unwrap_or(0);
+        let to = if after { (at + 1).min(all.len() - 1) } else { at.saturating_sub(1) };
+        all.get(to).copied().unwrap_or_default()
+    }
 
     /// Name on panels and in the legend.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Size => "Size",
             Self::Leak => "Reach",
             Self::Threshold => "Strictness",
         }
     }
 
-    /// The other one.
+    /// The next one, round and round.
     #[must_use]
-    pub fn other(self) -> Self {
-        match self {
-            Self::Leak => Self::Threshold,
-            Self::Threshold => Self::Leak,
+    pub fn next(self, state: &ViewState) -> Self {
+        match self.beside(true, state) {
+            last if last == self.in_state(state) => Self::of(state).first().copied().unwrap_or_default(),
+            next => next,
         }
     }
 
     /// This number of a walk, for a person.
     #[must_use]
-    pub fn written(self, tuning: WalkTuning) -> String {
+    pub fn written(self, tuning: WalkTuning, state: &ViewState) -> String {
         match self {
+            Self::Size => state.answers().map(answer_place).unwrap_or_default(),
             Self::Leak => percent(reach_of(tuning.leak)),
             Self::Threshold => decimal(tuning.threshold),
         }
@@ -62,6 +87,7 @@ impl WalkParameter {
     pub fn moved(self, tuning: WalkTuning, by: f64) -> WalkTuning {
         let by = if by.is_finite() { by } else { 0.0 };
         match self {
+            Self::Size => tuning,
             Self::Leak => {
                 let (least, greatest) = LEAK_RANGE;
                 let leak = tuning.leak.max(least) * (greatest / least).powf(by);
@@ -74,6 +100,29 @@ impl WalkParameter {
             }
         }
     }
+}
+
+/// The place of the taken answer among all, such as "2 of 3".
+#[must_use]
+pub fn answer_place(answers: &Answers) -> String {
+    format!("{} of {}", answers.taken.saturating_add(1), answers.steps.len())
+}
+
+/// The request for a wider or a narrower answer to the walk strokes. `None` where none lies on that side.
+#[must_use]
+pub fn other_answer(wider: bool, include_hidden: bool, state: &ViewState) -> Option<Request> {
+    beside_answer(wider, state)?;
+    let answer = if wider { AnswerStep::Wider } else { AnswerStep::Narrower };
+    Some(Request::Select(StrokesRequest { answer: answer.into(), include_hidden, ..StrokesRequest::default() }))
+}
+
+/// The answer that is the next wider or narrower one.
+#[must_use]
+pub fn beside_answer(wider: bool, state: &ViewState) -> Option<&Answer> {
+    let answers = state.answers()?;
+    let taken = answers.taken as usize;
+    let beside = if wider { taken.checked_add(1) } else { taken.checked_sub(1) };
+    beside.and_then(|step| answers.steps.get(step))
 }
 
 /// A drag of the parameters of the last walk.

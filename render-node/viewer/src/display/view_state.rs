@@ -6,7 +6,7 @@ use glam::DVec3;
 use sg_edit::EditState;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{StrokeMode, WalkTuning};
-use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_proto::selection::{Answers, Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::SceneBox;
 
@@ -35,6 +35,8 @@ pub struct ViewState {
     pub trial_tuning: Option<WalkTuning>,
     /// The selection process's support for walks; absent while it is away.
     pub walk_capabilities: Option<WalkCapabilities>,
+    /// The answers to the walk strokes of the selection, as the selection service told them last.
+    pub answers: Option<Arc<Answers>>,
     /// The newest proposals for a next stroke.
     pub proposals: Option<Arc<ProposalsReply>>,
     /// Super-Gaussians; absent until they are known.
@@ -60,6 +62,7 @@ impl ViewState {
             uncommitted: false,
             trial_tuning: None,
             walk_capabilities: None,
+            answers: None,
             proposals: None,
             clusters: None,
             conversation: Arc::default(),
@@ -98,7 +101,16 @@ impl ViewState {
             return None;
         }
         let tuned = |step: &Option<Step>| if let Some(Step::Tuning(t)) = step { Some(*t) } else { None };
-        Some(self.trial_tuning.or_else(|| steps.iter().rev().find_map(|s| tuned(&s.step))).unwrap_or(first))
+        let answered = || self.answers.as_ref().and_then(|answers| answers.tuning);
+        let stored = || steps.iter().rev().find_map(|s| tuned(&s.step));
+        Some(self.trial_tuning.or_else(stored).or_else(answered).unwrap_or(first))
+    }
+
+    /// The answers to the walk strokes, if there is more than one.
+    #[must_use]
+    pub fn answers(&self) -> Option<&Answers> {
+        self.tuning()?;
+        self.answers.as_deref().filter(|answers| answers.steps.len() > 1)
     }
 
     /// Most proposals for a next stroke; 0 without a walk to continue.

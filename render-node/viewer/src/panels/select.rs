@@ -77,6 +77,7 @@ impl Panels {
             brush_width(ui, tools);
         }
         how_many(ui, state);
+        self.answers(ui, state, tools, output);
         if state.services.scene {
             self.save(ui, state, output);
         } else {
@@ -114,6 +115,7 @@ impl Panels {
         }
         // The number and the name come before what needs scrolling in a room.
         how_many(ui, state);
+        self.answers(ui, state, tools, output);
         if state.services.scene {
             let opens = self.text_input.wants(Field::SaveName);
             section_that(ui, "Save as a unit", true, opens, |ui| self.save(ui, state, output));

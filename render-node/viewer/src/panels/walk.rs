@@ -6,7 +6,10 @@ use super::control::Number;
 use super::output::{DisplayAction, Output, PanelHost};
 use super::state::Panels;
 use crate::display::number_format::{count, decimal, percent};
-use crate::display::{Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, leak_of, reach_of};
+use crate::display::{
+    Request, THRESHOLD_RANGE, Tools, ViewState, WalkParameter, answer_place, beside_answer, leak_of, other_answer,
+    reach_of,
+};
 
 /// Number of proposals per request.
 pub(super) const PLACES: u32 = 5;
@@ -35,8 +38,9 @@ impl Panels {
                 PanelHost::Window => "keys , and . change",
                 PanelHost::Headset => "the stick changes",
             });
-            for walk_parameter in WalkParameter::ALL {
-                let button = Button::new(walk_parameter.name()).selected(tools.walk_parameter == walk_parameter);
+            for &walk_parameter in WalkParameter::of(state) {
+                let is_chosen = tools.walk_parameter.in_state(state) == walk_parameter;
+                let button = Button::new(walk_parameter.name()).selected(is_chosen);
                 let response = ui.add(button);
                 let hears = format!("tune {}", walk_parameter.name());
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(hears.as_str()));
@@ -46,6 +50,35 @@ impl Panels {
             }
         });
         self.proposals(ui, state, output);
+    }
+
+    /// Buttons that take a narrower or a wider answer to the Region strokes, and the place of the present one.
+    pub(super) fn answers(&self, ui: &mut Ui, state: &ViewState, tools: &Tools, output: &mut Output) {
+        let Some(answers) = state.answers() else { return };
+        let button = |ui: &mut Ui, wider: bool| {
+            let (text, key) = if wider { ("More", ".") } else { ("Less", ",") };
+            let beside = beside_answer(wider, state);
+            let keys = match self.host {
+                PanelHost::Window => format!(" ({key})"),
+                PanelHost::Headset => String::new(),
+            };
+            let does = beside.map_or_else(String::new, |answer| {
+                let way = if wider { "wider" } else { "narrower" };
+                format!("the next {way} answer to the strokes: {} splats{keys}", count(answer.gaussians as usize))
+            });
+            let none = if wider { "this is the widest answer" } else { "this is the narrowest answer" };
+            let response = ui.add_enabled(beside.is_some(), Button::new(text));
+            response.on_hover_text(does).on_disabled_hover_text(none).clicked()
+        };
+        ui.horizontal(|ui| {
+            let less = button(ui, false);
+            ui.label(answer_place(answers))
+                .on_hover_text("its place among the answers to the strokes, narrowest first");
+            let more = button(ui, true);
+            if less || more {
+                output.requests.extend(other_answer(more, tools.include_hidden, state));
+            }
+        });
     }
 
     /// Proposals for a next stroke, as rows. A click looks at the place, or lights it up, if the display can.

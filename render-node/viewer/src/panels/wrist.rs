@@ -10,12 +10,13 @@ use super::theme;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
-    /// The wrist menu: the brush mode, one step back and forth, the panels, the scene's placement, a screenshot, labels.
+    /// The wrist menu: the brush mode, the answers to a stroke, one step back and forth, the panels, the scene's placement, a
+    /// screenshot, labels.
     pub const WRIST: Self = Self {
         name: "wrist",
         title: "Wrist menu",
         icon: None,
-        size: Vec2::new(340.0, 168.0),
+        size: Vec2::new(340.0, 200.0),
         dock: None,
         place: RoomPlace::Wrist,
         has_content: |_| true,
@@ -30,6 +31,7 @@ impl Panels {
             ui.set_min_size(ui.available_size());
             if state.services.selection {
                 self.modes(ui, tools);
+                self.answers(ui, state, tools, &mut output);
             }
             if state.services.scene {
                 self.steps_back(ui, state, &mut output);

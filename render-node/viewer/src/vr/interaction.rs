@@ -10,7 +10,7 @@ use sg_selection::brush::Brush;
 
 use crate::display::{
     BrushController, BrushMode, BrushSample, BrushSign, Locomotion, ParameterDrag, Request, Tools, TurnStyle,
-    ViewState, WalkParameter,
+    ViewState, WalkParameter, other_answer,
 };
 use crate::hands::locomotion::{Arc as ThrownArc, Teleport, flight, jump};
 use crate::hands::{Grab, HandInput, Placement, Side, Switch, TurnMode};
@@ -93,6 +93,8 @@ pub struct Interaction {
     drag: ParameterDrag,
     /// Whether the other hand's stick is pushed aside.
     pushed: bool,
+    /// Whether the stick of the hand that adds has taken another answer and is not back at rest.
+    stepped: bool,
     teleport: Teleport,
     /// Height of the floor in the room, metres.
     pub floor: f64,
@@ -115,6 +117,7 @@ impl Interaction {
             hits: [0; 2],
             drag: ParameterDrag::default(),
             pushed: false,
+            stepped: false,
             teleport: Teleport::default(),
             floor: 0.0,
             search_tree: brush,
@@ -221,8 +224,9 @@ impl Interaction {
         self.brushes[side.index()].is_drawing() || (self.grab.is_held() && self.grab.is_squeezed(side))
     }
 
-    /// Handles the sticks' up and down. In walk mode, the adding hand's stick changes the last walk; otherwise both set the
-    /// brush's width. The other hand's stick sideways selects the walk's number.
+    /// Handles the sticks' up and down. In walk mode, the adding hand's stick changes the last walk: a push takes another answer,
+    /// or the number under it moves while it is held; up selects more. Otherwise both set the brush's width. The other hand's stick sideways
+    /// selects what changes of the walk.
     fn sticks(
         &mut self,
         hands: &[HandInput; 2],
@@ -234,7 +238,11 @@ impl Interaction {
     ) {
         let adds = Self::adds(tools);
         let tunes = Self::tunes_walk(tools, state) && !self.brushes.iter().any(BrushController::is_drawing);
+        let which = tools.walk_parameter.in_state(state);
         let mut goes_on = false;
+        if hands[adds.index()].stick.y.abs() <= REST {
+            self.stepped = false;
+        }
         for side in Side::BOTH {
             let k = side.index();
             let stick = hands[k].stick.y;
@@ -245,9 +253,15 @@ impl Interaction {
             if side != adds && tools.locomotion != Locomotion::Off {
                 continue;
             }
-            if side == adds && tunes {
+            if side == adds && tunes && which == WalkParameter::Size {
+                if stick.abs() > PUSHED && !std::mem::replace(&mut self.stepped, true) {
+                    let other = other_answer(stick > 0.0, tools.include_hidden, state);
+                    output.felt.extend(other.is_some().then_some((side, TICK)));
+                    output.requests.extend(other);
+                }
+            } else if side == adds && tunes {
                 goes_on = true;
-                output.requests.extend(self.drag.turn(tools.walk_parameter, PARAMETER_SPEED * stick * seconds, state));
+                output.requests.extend(self.drag.turn(which, -PARAMETER_SPEED * stick * seconds, state));
             } else {
                 tools.widen(WIDTH_SPEED.powf(stick * seconds));
             }
@@ -259,7 +273,7 @@ impl Interaction {
         let aside = if chooses { hands[adds.other().index()].stick.x } else { 0.0 };
         let was = std::mem::replace(&mut self.pushed, aside.abs() > PUSHED);
         if self.pushed && !was && !captured.triggers[adds.other().index()] && Self::tunes_walk(tools, state) {
-            tools.walk_parameter = if aside < 0.0 { WalkParameter::Leak } else { WalkParameter::Threshold };
+            tools.walk_parameter = tools.walk_parameter.beside(aside > 0.0, state);
         }
     }
 
@@ -388,7 +402,10 @@ impl Interaction {
         lines.push(("grip", "holds the scene; both scale it".to_owned()));
         if adds {
             let changes = match state.tuning().filter(|_| Self::tunes_walk(tools, state)) {
-                Some(tuning) => format!("{} {}", tools.walk_parameter.name(), tools.walk_parameter.written(tuning)),
+                Some(tuning) => {
+                    let which = tools.walk_parameter.in_state(state);
+                    format!("{} {}", which.name(), which.written(tuning, state))
+                }
                 None => "width".to_owned(),
             };
             let turns = if tools.turn_style == TurnStyle::Off { "" } else { "turns; " };
@@ -415,7 +432,8 @@ impl Interaction {
             };
             lines.push(("stick", moves.to_owned()));
             if Self::tunes_walk(tools, state) && tools.locomotion == Locomotion::Off {
-                lines.push(("stick aside", "left: Reach, right: Strictness".to_owned()));
+                let [left, right] = [false, true].map(|after| tools.walk_parameter.beside(after, state).name());
+                lines.push(("stick aside", format!("left: {left}, right: {right}")));
             }
             lines.push((two_or_menu, "panels".to_owned()));
             lines.push(("palm to the eyes", "a menu".to_owned()));

@@ -357,6 +357,7 @@ fn same(a: &ViewState, b: &ViewState) -> bool {
         && Arc::ptr_eq(&a.notices, &b.notices)
         && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
         && a.proposals.as_ref().map(Arc::as_ptr) == b.proposals.as_ref().map(Arc::as_ptr)
+        && a.answers == b.answers
         && (a.services, a.uncommitted, a.trial_tuning, a.walk_capabilities)
             == (b.services, b.uncommitted, b.trial_tuning, b.walk_capabilities)
 }

@@ -14,8 +14,8 @@ use sg_raster::finish::Finish;
 use super::exporter::ExportJob;
 use super::mouse_tool::MouseTool;
 use super::shortcuts::{Action, Way};
-use super::window_ui::{PARAMETER_STEPS, WindowUi};
-use crate::display::{BrushMode, DisplayMode, Request, ViewState};
+use super::window_ui::WindowUi;
+use crate::display::{BrushMode, DisplayMode, Request, ViewState, WalkParameter, other_answer};
 use crate::panels::{Panel, crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
 
 /// One step of the keys that widen and narrow the brush.
@@ -28,25 +28,59 @@ const KEY_SLIDE: f64 = 0.05;
 /// Factor of one press of the keys that go nearer and further.
 const KEY_NEARER: f64 = 1.1;
 
+/// Share of the range of a walk's leak or threshold that one press of a key or one notch of the wheel goes through.
+const PARAMETER_STEP: f64 = 0.02;
+
 /// Keys and the wheel have no release: their change commits after this rest.
 const DRAG_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl WindowUi {
-    /// Moves the leak or the threshold of the last walk by a share of its whole range.
-    pub(super) fn drag_parameter(&mut self, by: f64, state: &ViewState, requests: &mut Vec<Request>) {
-        if by == 0.0 {
+    /// Selects less or more by so many notches, less if positive: by another answer to the strokes for each whole notch, or by
+    /// the leak or the threshold of the last walk.
+    pub(super) fn change_walk(&mut self, notches: f64, state: &ViewState, requests: &mut Vec<Request>) {
+        if notches == 0.0 {
             return;
         }
-        let which = self.tools.walk_parameter;
-        let output = self.drag.0.turn(which, by, state);
+        let which = self.tools.walk_parameter.in_state(state);
+        if which == WalkParameter::Size {
+            self.answer_notches += notches;
+            // A smooth scroll takes a step in the middle of its notch.
+            while self.answer_notches.abs() > 0.5 {
+                let wider = self.answer_notches < 0.0;
+                self.answer_notches -= self.answer_notches.signum();
+                self.take_answer(wider, state, requests);
+            }
+            return;
+        }
+        let output = self.drag.0.turn(which, PARAMETER_STEP * notches, state);
         match self.drag.0.tuning(state) {
-            Some(tuning) => self.line = format!("{} {}", which.name(), which.written(tuning)),
+            Some(tuning) => self.line = format!("{} {}", which.name(), which.written(tuning, state)),
             None => self.line = format!("brush a Region first: {} belongs to its last stroke", which.name()),
         }
         if output.is_some() {
             self.drag.1 = Instant::now();
         }
         requests.extend(output);
+    }
+
+    /// Takes the next wider or narrower answer to the strokes.
+    fn take_answer(&mut self, wider: bool, state: &ViewState, requests: &mut Vec<Request>) {
+        // A number that is still under the keys comes first.
+        requests.extend(self.drag.0.release(state.scene.revision()));
+        match other_answer(wider, self.tools.include_hidden, state) {
+            Some(request) => {
+                self.line.clear();
+                requests.push(request);
+            }
+            None if wider => {
+                self.line = "this is the widest answer; brush what is missing, or press G and change Reach".to_owned()
+            }
+            None => {
+                self.line =
+                    "this is the narrowest answer; brush with Shift what does not belong, or press G and change Reach"
+                        .to_owned()
+            }
+        }
     }
 
     /// Commits the keys' and the wheel's change of the last walk once they rest.
@@ -82,10 +116,10 @@ impl WindowUi {
                 let reach = if self.tools.front_only { "only the front" } else { "the back too" };
                 self.line = format!("brush, lasso, rectangle and polygon reach {reach}");
             }
-            Action::Less => self.drag_parameter(PARAMETER_STEPS.0, state, requests),
-            Action::More => self.drag_parameter(-PARAMETER_STEPS.0, state, requests),
+            Action::Less => self.change_walk(1.0, state, requests),
+            Action::More => self.change_walk(-1.0, state, requests),
             Action::NextParameter => {
-                self.tools.walk_parameter = self.tools.walk_parameter.other();
+                self.tools.walk_parameter = self.tools.walk_parameter.next(state);
                 self.line = format!("keys and the wheel change {}", self.tools.walk_parameter.name());
             }
             Action::Undo | Action::Redo if scene => {

@@ -35,11 +35,11 @@ pub enum Action {
     Narrower,
     /// Limits the brush to the front, or not.
     Depth,
-    /// Selects less, by the tuning of the last walk.
+    /// Selects less: a narrower answer to the Region strokes, or a smaller number of the last walk.
     Less,
     /// Selects more.
     More,
-    /// The other one of the two.
+    /// The next of these.
     NextParameter,
     /// Takes back.
     Undo,
@@ -230,10 +230,10 @@ pub const SHORTCUTS: &[Shortcut] = &[
     plain(Key::Num3, "3", Action::Point, "Single: strokes change single Gaussians"),
     plain(Key::CloseBracket, "]", Action::Wider, "a wider brush"),
     plain(Key::OpenBracket, "[", Action::Narrower, "a narrower brush"),
-    plain(Key::Comma, ",", Action::Less, "select less, by the Reach (or Strictness) of the last Region stroke"),
-    plain(Key::Period, ".", Action::More, "select more, by the same"),
+    plain(Key::Comma, ",", Action::Less, "select less: a narrower answer to the Region strokes"),
+    plain(Key::Period, ".", Action::More, "select more: a wider answer"),
     with(Modifiers::SHIFT, Key::G, "Shift+G", Action::Grid, "show or hide the ground grid and the box"),
-    plain(Key::G, "G", Action::NextParameter, "these keys and the wheel change Reach, or Strictness"),
+    plain(Key::G, "G", Action::NextParameter, "these keys and the wheel change Size, Reach or Strictness"),
     with(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, "Ctrl+Shift+Z", Action::Redo, "redo"),
     with(Modifiers::COMMAND, Key::Z, "Ctrl+Z", Action::Undo, "undo"),
     plain(Key::Z, "Z", Action::Depth, "brush and lasso only the front, or the back too"),
@@ -297,7 +297,7 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("left drag", "uses the tool; with Shift it takes away from the selection"),
     ("middle drag, Alt + left drag", "turn"),
     ("right drag", "slide"),
-    ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt Reach or Strictness"),
+    ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt less or more of a Region"),
     ("double click, to navigate", "look at that place"),
     ("W A S D, Q E", "fly, in that manner"),
 ];

@@ -32,9 +32,6 @@ use crate::display::{
 };
 use crate::panels::{Panel, PanelHost, Panels, theme};
 
-/// Share of the range of a walk's leak or threshold that one key press goes along, and one notch of the wheel.
-pub(super) const PARAMETER_STEPS: (f64, f64) = (0.02, 0.02);
-
 /// Points from the lower edge to the notices.
 const NOTICES: f32 = 48.0;
 
@@ -50,6 +47,8 @@ pub struct WindowUi {
     pub(super) drafts: Drafts,
     /// The last walk under keys and the wheel, and when it was moved last.
     pub(super) drag: (ParameterDrag, Instant),
+    /// Notches of the wheel towards another answer.
+    pub(super) answer_notches: f64,
     pub(super) appearance_builder: AppearanceBuilder,
     pub(super) scene_view: SceneView,
     pub(super) panels: Panels,
@@ -124,6 +123,7 @@ impl WindowUi {
             tools,
             drafts: Drafts::default(),
             drag: (ParameterDrag::default(), Instant::now()),
+            answer_notches: 0.0,
             appearance_builder: AppearanceBuilder::default(),
             scene_view,
             panels,
@@ -275,7 +275,8 @@ impl WindowUi {
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
-            self.drag_parameter(PARAMETER_STEPS.1 * notches, &state, &mut requests);
+            // Up selects more.
+            self.change_walk(-notches, &state, &mut requests);
             let highlighted = if self.is_choosing_color {
                 Arc::new(Mask::empty(self.scene.len()))
             } else {

@@ -6,12 +6,12 @@ use sg_edit::EditState;
 use sg_edit::wire::encode_mask;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{CommitSelection, SelectionStep, Stroke, StrokeKind, StrokeMode, WalkTuning, command::Action};
-use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_proto::selection::{Answer, AnswerStep, Answers, Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_viewer::display::{
     LEAK_RANGE, ParameterDrag, Request, RequestQueue, ServiceAvailability, THRESHOLD_RANGE, ViewPort, ViewState,
-    WalkCapabilities, WalkParameter,
+    WalkCapabilities, WalkParameter, answer_place, beside_answer, other_answer,
 };
 
 use crate::brush::row_of_gaussians;
@@ -91,6 +91,68 @@ fn a_hand_stays_within_the_range() {
             assert!(moved.threshold >= -1.0 && moved.threshold <= THRESHOLD_RANGE.1, "{moved:?}");
         }
     }
+}
+
+/// The same with three answers, of which this one is taken.
+pub(crate) fn with_answers(shown: &ViewState, taken: u32) -> ViewState {
+    let steps =
+        [(0.4, 10), (0.05, 30), (0.002, 70)].map(|(leak, gaussians)| Answer { leak, gaussians, conductance: 0.1 });
+    let tuning = Some(WalkTuning { leak: steps[taken as usize].leak, ..FIRST });
+    let answers = Answers { steps: steps.to_vec(), first: 1, taken, tuning };
+    ViewState { answers: Some(Arc::new(answers)), ..shown.clone() }
+}
+
+#[test]
+fn a_walk_has_its_first_answers_leak_until_a_step_sets_another() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let walked = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
+    assert_eq!(with_answers(&walked, 2).tuning().map(|t| t.leak), Some(0.002));
+    let tuned = after_steps(&scene, vec![stroke(StrokeMode::Walk), Step::Tuning(FIRST)]);
+    assert_eq!(with_answers(&tuned, 2).tuning(), Some(FIRST));
+    // Without a walk, and without a service that can repeat it, there are none.
+    let points = after_steps(&scene, vec![stroke(StrokeMode::Point)]);
+    assert!(with_answers(&points, 1).answers().is_none());
+    assert!(ViewState { walk_capabilities: None, ..with_answers(&walked, 1) }.answers().is_none());
+    let mut single = with_answers(&walked, 0);
+    Arc::make_mut(single.answers.as_mut().unwrap()).steps.truncate(1);
+    assert!(single.answers().is_none());
+}
+
+#[test]
+fn less_and_more_are_requests_up_to_the_last_answer() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let walked = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
+    let asked = |wider, taken| match other_answer(wider, true, &with_answers(&walked, taken)) {
+        Some(Request::Select(request)) => Some((request.answer(), request.include_hidden, request.steps.len())),
+        Some(other) => panic!("{other:?}"),
+        None => None,
+    };
+    assert_eq!(asked(true, 1), Some((AnswerStep::Wider, true, 0)));
+    assert_eq!(asked(false, 1), Some((AnswerStep::Narrower, true, 0)));
+    assert_eq!((asked(false, 0), asked(true, 2)), (None, None));
+    assert_eq!(other_answer(true, false, &walked), None);
+    assert_eq!(beside_answer(true, &with_answers(&walked, 1)).map(|a| a.gaussians), Some(70));
+    assert_eq!(answer_place(with_answers(&walked, 1).answers().unwrap()), "2 of 3");
+}
+
+#[test]
+fn size_is_there_only_with_several_answers() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let one = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
+    let several = with_answers(&one, 1);
+    assert_eq!(WalkParameter::default().in_state(&one), WalkParameter::Leak);
+    assert_eq!(WalkParameter::default().in_state(&several), WalkParameter::Size);
+    let round = |state: &ViewState| {
+        let mut which = WalkParameter::default();
+        [(); 4].map(|()| {
+            which = which.next(state);
+            which
+        })
+    };
+    let (size, leak, threshold) = (WalkParameter::Size, WalkParameter::Leak, WalkParameter::Threshold);
+    assert_eq!(round(&several), [leak, threshold, size, leak]);
+    assert_eq!(round(&one), [threshold, leak, threshold, leak]);
+    assert_eq!([size.beside(false, &several), threshold.beside(true, &several)], [size, threshold]);
 }
 
 #[test]

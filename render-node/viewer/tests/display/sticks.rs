@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{StrokeMode, selection_step::Step};
+use sg_proto::selection::AnswerStep;
 use sg_scene::model::Scene;
 use sg_viewer::display::{BrushMode, Locomotion, Request, Tools, TurnStyle, ViewState, WalkParameter};
 use sg_viewer::hands::locomotion::{FLY_SPEED, arc};
@@ -11,7 +12,7 @@ use sg_viewer::hands::{HandInput, Origin, Placement, Pose, Side, Stance};
 use sg_viewer::vr::{Interaction, InteractionOutput, PanelCapture};
 
 use crate::brush::row_of_gaussians;
-use crate::parameter_drag::{FIRST, after_steps, stroke};
+use crate::parameter_drag::{FIRST, after_steps, stroke, with_answers};
 
 struct Room {
     acts: Interaction,
@@ -83,10 +84,10 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     for _ in 0..10 {
         let did = room.frame(DVec2::ZERO, UP, PanelCapture::default());
         let [Request::Tune(tuning)] = did.requests.as_slice() else { panic!("{:?}", did.requests) };
-        assert!(tuning.leak > newest.leak && tuning.threshold == FIRST.threshold);
+        assert!(tuning.leak < newest.leak && tuning.threshold == FIRST.threshold);
         newest = *tuning;
     }
-    assert!((newest.leak / FIRST.leak).log10() > 0.13, "a tenth of a second at the end: {newest:?}");
+    assert!((newest.leak / FIRST.leak).log10() < -0.13, "a tenth of a second at the end: {newest:?}");
     assert_eq!(room.tools.radius, radius);
     // At rest again, it is one step.
     let did = room.frame(DVec2::ZERO, DVec2::ZERO, PanelCapture::default());
@@ -101,9 +102,44 @@ fn after_a_walk_the_stick_of_the_hand_that_adds_scrubs_it() {
     assert!(room.legend(Side::Right).contains("up and down: Strictness 0"), "{}", room.legend(Side::Right));
     assert!(room.legend(Side::Left).contains("left: Reach"), "{}", room.legend(Side::Left));
     let did = room.frame(DVec2::ZERO, -UP, PanelCapture::default());
-    assert!(matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold < 0.0 && t.leak == newest.leak));
+    assert!(
+        matches!(did.requests.as_slice(), [Request::Tune(t)] if t.threshold > FIRST.threshold && t.leak == newest.leak)
+    );
     room.frame(-DVec2::X, DVec2::ZERO, PanelCapture::default());
     assert_eq!(room.tools.walk_parameter, WalkParameter::Leak);
+}
+
+#[test]
+fn with_several_answers_each_push_of_the_stick_takes_the_next_one() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let walked = after_steps(&scene, vec![stroke(StrokeMode::Walk)]);
+    let mut room = Room::new(&scene, with_answers(&walked, 1));
+    let radius = room.tools.radius;
+    let asked = |did: InteractionOutput| -> Vec<AnswerStep> {
+        let of = |request: &Request| if let Request::Select(s) = request { s.answer() } else { panic!("{request:?}") };
+        did.requests.iter().map(of).collect()
+    };
+    let none = PanelCapture::default();
+    assert!(room.legend(Side::Right).contains("up and down: Size 2 of 3"), "{}", room.legend(Side::Right));
+    // On the way to a push, nothing happens; held, it counts once.
+    assert_eq!(asked(room.frame(DVec2::ZERO, 0.5 * UP, none)), []);
+    let did = room.frame(DVec2::ZERO, UP, none);
+    assert!(!did.felt.is_empty());
+    assert_eq!(asked(did), [AnswerStep::Wider]);
+    assert_eq!(asked(room.frame(DVec2::ZERO, UP, none)), []);
+    assert_eq!(asked(room.frame(DVec2::ZERO, DVec2::ZERO, none)), []);
+    assert_eq!(asked(room.frame(DVec2::ZERO, -UP, none)), [AnswerStep::Narrower]);
+    room.frame(DVec2::ZERO, DVec2::ZERO, none);
+    // At the last answer a push does nothing, and says so by not being felt.
+    room.shown = with_answers(&walked, 2);
+    let did = room.frame(DVec2::ZERO, UP, none);
+    assert!(did.requests.is_empty() && did.felt.is_empty());
+    assert_eq!(room.tools.radius, radius);
+    // The other stick aside chooses a number, which a held stick moves.
+    room.frame(DVec2::X, DVec2::ZERO, none);
+    assert_eq!(room.tools.walk_parameter, WalkParameter::Leak);
+    assert!(room.legend(Side::Left).contains("left: Size, right: Strictness"), "{}", room.legend(Side::Left));
+    assert!(matches!(room.frame(DVec2::ZERO, UP, none).requests.as_slice(), [Request::Tune(_)]));
 }
 
 #[test]

@@ -64,8 +64,11 @@ fn busy(panel: Panel, light: bool, pixels_per_point: f32) -> Harness<'static, St
     if panel == Panel::KEYBOARD {
         stage.show.insert(0, Panel::SELECT);
     }
-    if panel == Panel::SELECT {
+    if [Panel::SELECT, Panel::WRIST].contains(&panel) {
         stage.walk();
+        stage.answers(1);
+    }
+    if panel == Panel::SELECT {
         stage.panels.supported_actions = (0..3).map(DisplayAction::Proposal).collect();
     }
     if panel == Panel::WRIST {

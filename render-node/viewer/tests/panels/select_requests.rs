@@ -8,7 +8,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{Combine, DeleteGaussians, RestoreGaussians, SaveUnit, SetView, Target, set_view};
-use sg_proto::selection::{ProposalsReply, StrokesRequest};
+use sg_proto::selection::{AnswerStep, ProposalsReply, StrokesRequest};
 use sg_scene::mask::Mask;
 use sg_viewer::display::{BrushMode, Request, ServiceAvailability, Tools, WalkParameter};
 use sg_viewer::panels::{DisplayAction, Panel, PanelHost};
@@ -321,6 +321,32 @@ fn a_moving_slider_previews_the_walk_and_its_release_commits_it() {
     }
     press(&mut panel, "tune Strictness");
     assert_eq!(panel.state().tools.walk_parameter, WalkParameter::Threshold);
+}
+
+#[test]
+fn less_and_more_take_another_answer_and_say_which_one_is_shown() {
+    let wrist = || harness(Stage::new(Panel::WRIST));
+    let window = || {
+        let mut panel = prompt();
+        panel.state_mut().panels.host = PanelHost::Window;
+        panel
+    };
+    for mut panel in [prompt(), window(), wrist()] {
+        panel.state_mut().walk();
+        panel.run();
+        assert!(panel.query_by_label("More").is_none(), "one answer alone");
+        panel.state_mut().answers(1);
+        panel.run();
+        panel.get_by_label("2 of 3");
+        assert_eq!(asks(&mut panel, "More").answer(), AnswerStep::Wider);
+        assert_eq!(asks(&mut panel, "Less").answer(), AnswerStep::Narrower);
+        panel.state_mut().answers(2);
+        panel.state_mut().asked.clear();
+        panel.run();
+        panel.get_by_label("3 of 3");
+        press(&mut panel, "More");
+        assert!(panel.state().asked.iter().all(|o| o.requests.is_empty()), "nothing is wider");
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use sg_edit::EditState;
 use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Stroke, StrokeKind, StrokeMode, Target, WalkTuning};
-use sg_proto::selection::{Proposal, ProposalsReply};
+use sg_proto::selection::{Answer, Answers, Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
@@ -128,6 +128,13 @@ impl Stage {
             pixels_per_point: 1.0,
             textures: Textures::default(),
         }
+    }
+
+    /// The walk has three answers, of which this one is taken.
+    pub(crate) fn answers(&mut self, taken: u32) {
+        let step = |(leak, gaussians)| Answer { leak, gaussians, conductance: 0.1 };
+        let steps = [(0.4, 10), (0.05, 30), (0.002, 70)].map(step).to_vec();
+        self.shown.answers = Some(Arc::new(Answers { steps, first: 1, taken, tuning: None }));
     }
 
     /// The selection is one of a walk, and the next places to brush have been requested.

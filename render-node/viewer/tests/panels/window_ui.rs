@@ -11,10 +11,12 @@ use egui_kittest::kittest::{By, NodeT as _, Queryable as _};
 use sg_gpu::backend::{self, Engine};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{InLasso, SetView, Target, selection_operation, selection_step, set_view};
+use sg_proto::selection::AnswerStep;
 use sg_viewer::display::{Backend, Request, ServiceAvailability, Tools, ViewPort, ViewState};
+use sg_viewer::panels::Panel;
 use sg_viewer::window::{Hint, MouseTool, Settings, WindowUi};
 
-use crate::stage::{after, save, scene, select};
+use crate::stage::{Stage, after, save, scene, select};
 
 /// A desk that a mouse works on with a tool, and the other side of its seat.
 pub(crate) fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
@@ -119,6 +121,61 @@ fn keys_select_everything_delete_and_crop() {
     let asked = pressed(&mut harness, &service, all);
     let [action] = asked.as_slice() else { panic!("{asked:?}") };
     assert_eq!(chosen.after(&scene, action.clone()).unwrap().selection().mask().count(), 1000);
+}
+
+/// Other answers that the window asks for.
+fn other_answers(service: &Backend) -> Vec<AnswerStep> {
+    let of = |request| if let Request::Select(strokes) = request { strokes.answer() } else { panic!("{request:?}") };
+    service.requests.try_iter().map(of).collect()
+}
+
+#[test]
+fn keys_and_the_wheel_take_another_answer_to_a_region_stroke() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
+    let mut stage = Stage::new(Panel::SELECT);
+    stage.walk();
+    stage.answers(1);
+    let shown = stage.shown;
+    service.writer.update(|state| {
+        (state.scene, state.selected) = (Arc::clone(&shown.scene), Arc::clone(shown.scene.selection().mask()));
+        (state.walk_capabilities, state.answers) = (shown.walk_capabilities, shown.answers.clone());
+    });
+    harness.step();
+    for (key, answer) in [(egui::Key::Comma, AnswerStep::Narrower), (egui::Key::Period, AnswerStep::Wider)] {
+        harness.key_press(key);
+        harness.step();
+        assert_eq!(other_answers(&service), [answer], "{key:?}");
+    }
+    // The wheel with Alt, up: more.
+    let middle = Pos2::new(400.0, 300.0);
+    harness.event(egui::Event::PointerMoved(middle));
+    harness.step();
+    harness.event_modifiers(
+        egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Point,
+            delta: Vec2::new(0.0, 75.0),
+            phase: egui::TouchPhase::Move,
+            source: egui::MouseWheelSource::Wheel,
+            modifiers: egui::Modifiers::ALT,
+        },
+        egui::Modifiers::ALT,
+    );
+    for _ in 0..60 {
+        harness.step();
+    }
+    assert_eq!(other_answers(&service), [AnswerStep::Wider]);
+    // At the widest one the line says so.
+    service.writer.update(|state| {
+        let mut answers = shown.answers.as_deref().cloned().unwrap();
+        answers.taken = 2;
+        state.answers = Some(Arc::new(answers));
+    });
+    harness.step();
+    harness.key_press(egui::Key::Period);
+    harness.step();
+    assert_eq!(other_answers(&service), []);
+    assert!(harness.query_by_label_contains("this is the widest answer").is_some());
 }
 
 /// Shift and F as a keyboard sends them.

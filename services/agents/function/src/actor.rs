@@ -12,6 +12,7 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult, ResolvedName};
 use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, MeasureRequest, State, Target};
+use sg_proto::selection::{StrokesReply, StrokesRequest};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::bus::{Bus, RetainedValue};
 use sg_runtime::context::Context;
@@ -98,6 +99,16 @@ fn scene_fault(fault: Fault) -> Fault {
         _ => return fault,
     };
     Fault { message: message.to_owned(), ..fault }.with_details([role::SCENE.to_owned()])
+}
+
+/// A transient fault of the selection service as a sentence. Its details name the role.
+fn selection_fault(fault: Fault) -> Fault {
+    let message = match fault.code {
+        Code::Unavailable => "The selection service is unavailable; try again in a moment.",
+        Code::DeadlineExceeded => "The selection service did not answer in time; try again in a moment.",
+        _ => return fault,
+    };
+    Fault { message: message.to_owned(), ..fault }.with_details([role::SELECTION.to_owned()])
 }
 
 /// The reply where the model failed and no fallback is allowed.
@@ -332,6 +343,7 @@ impl FunctionAgent {
                 return Ok(ActionResult { ok: true, text, units, ..ActionResult::default() });
             }
             Step::Change { action, units } => (action, units),
+            Step::Strokes(request) => return self.select(&request, id, context).await,
             other => return Ok(self.files.carry_out(other, context).await),
         };
         let command = Command { id: id.clone(), expected_revision: 0, action: Some(action.clone()) };
@@ -358,6 +370,28 @@ impl FunctionAgent {
                     |event| stored_result(&id, &event),
                 ))
             }
+        }
+    }
+}
+
+impl FunctionAgent {
+    /// Has the selection service take steps. A repeated request has the same id, and takes effect once.
+    async fn select(&self, request: &StrokesRequest, id: String, context: &Context) -> Result<ActionResult, Fault> {
+        match self.bus.ask(&keys::SELECTION_STROKES, request, &context.next().with_id(id.clone())).await {
+            Ok(reply) => {
+                let StrokesReply { revision, selection_hash, summary, .. } = reply.clone();
+                let result =
+                    CommandResult { id: id.clone(), revision, summary, selection_hash, ..CommandResult::default() };
+                Ok(ActionResult {
+                    ok: true,
+                    text: report::other_answer(&reply),
+                    command: Some(Command { id, ..Command::default() }),
+                    result: Some(result),
+                    ..ActionResult::default()
+                })
+            }
+            Err(fault) if is_transient(&fault) => Err(selection_fault(fault)),
+            Err(fault) => Ok(failure(report::sentence(&fault.message))),
         }
     }
 }

@@ -35,7 +35,9 @@ impl FileRequests {
             Step::Save { request, units } => self.save(request, context).await.map(|text| (text, units)),
             Step::Picture(wish) => self.picture(wish, context).await.map(|text| (text, Vec::new())),
             Step::Open(request) => self.open(&request, context).await.map(|text| (text, Vec::new())),
-            Step::Change { .. } | Step::Answer { .. } => Err(Fault::internal("this step is about no file")),
+            Step::Change { .. } | Step::Answer { .. } | Step::Strokes(_) => {
+                Err(Fault::internal("this step is about no file"))
+            }
         };
         match outcome {
             Ok((text, units)) => ActionResult { ok: true, text, units, ..ActionResult::default() },

@@ -10,6 +10,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     CommandResult, LightMode, NamedView, SetLight, SetOpacity, SetOperation, State, Target, set_view,
 };
+use sg_proto::selection::StrokesReply;
 
 use crate::color;
 use crate::commands::{movement, tone};
@@ -123,6 +124,21 @@ pub fn opens(request: &OpenRequest, reply: &OpenReply) -> String {
     let name = Path::new(&request.path).file_name().unwrap_or_default().to_string_lossy().into_owned();
     let first = if reply.volume { ", as soon as Gaussians are made of it" } else { "" };
     format!("{} opens in a window of its own{first}.", printable(&name))
+}
+
+/// One sentence about another answer to the strokes.
+#[must_use]
+pub fn other_answer(reply: &StrokesReply) -> String {
+    let selected = sentence(&reply.summary);
+    let Some(answers) = reply.answers.as_ref().filter(|answers| !answers.steps.is_empty()) else { return selected };
+    let (taken, count) = (answers.taken as usize, answers.steps.len());
+    let place = match (taken, count) {
+        (_, 1) => "there is no other answer to the strokes".to_owned(),
+        (0, count) => format!("this is the narrowest of {count} answers"),
+        (taken, count) if taken + 1 == count => format!("this is the widest of {count} answers"),
+        (taken, count) => format!("this is answer {} of {count}, from the narrowest", taken + 1),
+    };
+    format!("{}; {place}.", selected.strip_suffix('.').unwrap_or(&selected))
 }
 
 /// A summary of the scene as a sentence.

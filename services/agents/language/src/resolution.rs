@@ -14,6 +14,7 @@ use sg_proto::launch::{OpenRequest, SaveRequest};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, State, Target};
+use sg_proto::selection::StrokesRequest;
 
 use crate::unit_names::{self, Lookup};
 
@@ -71,6 +72,8 @@ pub enum Step {
     Picture(PictureWish),
     /// A file to open in a window of its own.
     Open(OpenRequest),
+    /// Steps for the selection service.
+    Strokes(StrokesRequest),
 }
 
 /// A picture to draw and to save.

@@ -212,6 +212,9 @@ fn short(clause: &Clause) -> String {
         Act::QuerySelection => "selection?".to_owned(),
         Act::Undo => format!("undo {amount}"),
         Act::Redo => format!("redo {amount}"),
+        Act::TakeAnswer => {
+            format!("answer {}", clause.answer().as_str_name().trim_start_matches("ANSWER_STEP_").to_lowercase())
+        }
         Act::SetTerm => {
             let term: ShadingTerm = clause.term();
             format!("term {}", term.as_str_name().trim_start_matches("SHADING_TERM_").to_lowercase())

@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 use sg_language::commands;
 use sg_language::resolution::{self, Refusal, Step};
-use sg_language::unit_names;
+use sg_language::{report, unit_names};
 use sg_proto::bus::Code;
 use sg_proto::language::movement::Kind;
 use sg_proto::language::{Act, Clause, Movement, PutBack, Reference, Rotation, Scale, Shift, Way};
@@ -17,6 +17,7 @@ use sg_proto::scene::{
     Axis, BaseUnit, Color, MergeUnits, PatientSide, Selection, SetLight, SetOperation, SetTone, SetView, State, Target,
     TransformGaussians, Unit, Vector, View, set_view,
 };
+use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesReply, StrokesRequest};
 
 fn scene() -> State {
     let base = |name: &str, first, count| BaseUnit {
@@ -322,6 +323,26 @@ fn questions_are_answered_from_scene_and_frame() {
 }
 
 #[test]
+fn another_answer_is_asked_of_the_selection_service() {
+    let more = Clause { act: Act::TakeAnswer.into(), answer: AnswerStep::Wider.into(), ..Clause::default() };
+    let Ok(Step::Strokes(request)) = commands::resolve(&more, &scene(), None) else { panic!("no step") };
+    assert_eq!(request, StrokesRequest { answer: AnswerStep::Wider.into(), ..StrokesRequest::default() });
+    assert!(refusal(&more, &unselected()).message.contains("Nothing is selected"));
+    let none = Clause { answer: 0, ..more };
+    assert_eq!(refusal(&none, &scene()).code, Code::InvalidArgument);
+    let step = |leak| Answer { leak, gaussians: 10, conductance: 0.1 };
+    let reply = |taken| StrokesReply {
+        summary: "10 of 80 Gaussians selected".to_owned(),
+        answers: Some(Answers { steps: [1.0, 0.1, 0.01].map(step).to_vec(), first: 1, taken, tuning: None }),
+        ..StrokesReply::default()
+    };
+    let said = [0, 1, 2].map(|taken| report::other_answer(&reply(taken)));
+    assert_eq!(said[0], "10 of 80 Gaussians selected; this is the narrowest of 3 answers.");
+    assert_eq!(said[1], "10 of 80 Gaussians selected; this is answer 2 of 3, from the narrowest.");
+    assert_eq!(said[2], "10 of 80 Gaussians selected; this is the widest of 3 answers.");
+}
+
+#[test]
 fn derived_units_are_found_but_not_offered() {
     assert_eq!(unit_names::addressable(&scene()), ["parent vessel", "leaves", "sac", "left root"]);
     assert_eq!(target(&names_of(&["all but sac"]), &scene()).unwrap().units, ["all but sac"]);
@@ -360,6 +381,7 @@ proptest! {
             Ok(Step::Save { request, .. }) => prop_assert!(request.content.is_some() && !request.replace),
             Ok(Step::Picture(wish)) => prop_assert!((1..=4).contains(&wish.scale)),
             Ok(Step::Open(request)) => prop_assert!(!request.path.is_empty()),
+            Ok(Step::Strokes(request)) => prop_assert!(request.answer() != AnswerStep::Unspecified),
         }
     }
 }

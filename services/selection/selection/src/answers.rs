@@ -7,9 +7,11 @@
 //!
 //! The rule of the first answer weighs three things:
 //!
-//! - the leak that suits the stroke: its share of the scene counts, and whether it lies on a surface or in a filled volume;
-//! - the growth of the mask with the leak: a structure is where the mask stops to grow;
+//! - the leak that suits the stroke. Its share of the scene counts, and whether it lies on a surface or in a filled volume.
+//! - the growth of the mask with the leak. A structure is where the mask stops to grow.
 //! - a penalty for masks that take nearly everything.
+//!
+//! Later strokes leave out the leaks that their first stroke's masks disagree with.
 //!
 //! `docs/selecting.md` has the formula, and the scenes on which its numbers were chosen.
 
@@ -70,6 +72,38 @@ pub enum Scale {
     Wider,
 }
 
+/// Another answer than the one that is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnswerChange {
+    /// The next narrower clear step.
+    Narrower,
+    /// The next wider clear step.
+    Wider,
+    /// The narrowest clear step.
+    Narrowest,
+    /// The widest clear step.
+    Widest,
+    /// The first answer.
+    First,
+}
+
+/// There is no such other answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoAnswer {
+    /// The walk has no family.
+    #[error("the strokes have one answer here; change Reach to select more or less")]
+    OneScale,
+    /// Nothing is narrower.
+    #[error("this is the narrowest answer to the strokes; brush what does not belong to it in red")]
+    Narrowest,
+    /// Nothing is wider.
+    #[error("this is the widest answer to the strokes; brush what is missing in green")]
+    Widest,
+    /// The first answer is taken.
+    #[error("this is the first answer to the strokes already")]
+    First,
+}
+
 /// What the first answer is judged by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shown {
@@ -96,6 +130,12 @@ impl Answers {
     /// Judges a family, narrowest first. `None` for an empty family.
     #[must_use]
     pub fn new(family: Vec<Answer>, shown: Shown) -> Option<Self> {
+        Self::among(family, shown, |_| true)
+    }
+
+    /// The same with steps at some positions of the family only. `None` without one.
+    #[must_use]
+    pub fn among(family: Vec<Answer>, shown: Shown, allowed: impl Fn(usize) -> bool) -> Option<Self> {
         let growth = growth(&family);
         let decades = |i: usize| family[i].leak.log10();
         let best = |score: &dyn Fn(usize) -> f64, among: &mut dyn Iterator<Item = usize>| {
@@ -108,7 +148,7 @@ impl Answers {
             let nearly_all = ((share - NEARLY_ALL.0) / (NEARLY_ALL.1 - NEARLY_ALL.0)).clamp(0.0, 1.0);
             -(decades(i) - usual).powi(2) - GROWTH * growth[i] - NEARLY_ALL.2 * nearly_all
         };
-        let first = best(&suits, &mut (0..family.len()))?;
+        let first = best(&suits, &mut (0..family.len()).filter(|i| allowed(*i)))?;
         let clear = |narrow: usize, wide: usize| {
             let [narrow, wide] = [narrow, wide].map(|i| family[i].gaussians);
             wide > 0 && narrow as f64 <= (1.0 - CLEAR) * wide as f64
@@ -116,15 +156,17 @@ impl Answers {
         let next = |from: usize, by: f64, among: &mut dyn Iterator<Item = usize>| {
             best(&|i| -(decades(i) - decades(from) - by).powi(2) - GROWTH * growth[i], among)
         };
+        let narrower = |i: usize, last: usize| allowed(i) && family[i].gaussians > 0 && clear(i, last);
+        let wider = |last: usize, i: usize| allowed(i) && clear(last, i);
         let mut steps = vec![first];
         let mut last = first;
-        while let Some(i) = next(last, NEXT.0, &mut (0..last).filter(|i| family[*i].gaussians > 0 && clear(*i, last))) {
+        while let Some(i) = next(last, NEXT.0, &mut (0..last).filter(|i| narrower(*i, last))) {
             steps.insert(0, i);
             last = i;
         }
         let position = steps.len() - 1;
         last = first;
-        while let Some(i) = next(last, -NEXT.1, &mut (last + 1..family.len()).filter(|i| clear(last, *i))) {
+        while let Some(i) = next(last, -NEXT.1, &mut (last + 1..family.len()).filter(|i| wider(last, *i))) {
             steps.push(i);
             last = i;
         }
@@ -149,6 +191,28 @@ impl Answers {
     pub fn stepped(&self, leak: f64, by: i64) -> Option<Answer> {
         let to = i64::try_from(self.step_at(leak)).ok()?.checked_add(by)?;
         self.steps.get(usize::try_from(to).ok()?).map(|step| self.family[*step])
+    }
+
+    /// Another answer than the one at `leak`.
+    ///
+    /// # Errors
+    /// [`NoAnswer`].
+    pub fn changed(&self, leak: f64, change: AnswerChange) -> Result<Answer, NoAnswer> {
+        let at = |step: usize| self.family[self.steps[step]];
+        // A leak of one's own may lie beyond the last steps. Then the nearest of them is on the way.
+        let nearest = at(self.step_at(leak));
+        let (answer, none) = match change {
+            AnswerChange::Narrower => {
+                (self.stepped(leak, -1).or((nearest.leak > leak).then_some(nearest)), NoAnswer::Narrowest)
+            }
+            AnswerChange::Wider => {
+                (self.stepped(leak, 1).or((nearest.leak < leak).then_some(nearest)), NoAnswer::Widest)
+            }
+            AnswerChange::Narrowest => (Some(at(0)), NoAnswer::Narrowest),
+            AnswerChange::Widest => (Some(at(self.steps.len() - 1)), NoAnswer::Widest),
+            AnswerChange::First => (Some(self.first()), NoAnswer::First),
+        };
+        answer.filter(|answer| answer.leak != leak).ok_or(none)
     }
 
     /// One of the three named answers. `None` where there is no clear step on that side.
@@ -213,6 +277,40 @@ mod tests {
             assert!(answers.at(Scale::Narrower).is_none() && answers.at(Scale::Wider).is_none());
             assert_eq!(answers.stepped(1.0, i64::MIN), None);
         }
+    }
+
+    #[test]
+    fn another_answer_is_a_step_away_or_is_refused() {
+        let sizes = [50, 60, 80, 300, 900, 1000, 1010, 1020, 4000, 9000, 9900, 10_000];
+        let answers = Answers::new(family(&sizes), SHOWN).unwrap();
+        let at = |step: usize| answers.family[answers.steps[step]];
+        let (last, first) = (answers.steps.len() - 1, answers.first);
+        assert!(first > 0 && first < last);
+        let changed = |step: usize, change| answers.changed(at(step).leak, change);
+        assert_eq!(changed(first, AnswerChange::Narrower), Ok(at(first - 1)));
+        assert_eq!(changed(first, AnswerChange::Wider), Ok(at(first + 1)));
+        assert_eq!(changed(first, AnswerChange::Narrowest), Ok(at(0)));
+        assert_eq!(changed(first, AnswerChange::Widest), Ok(at(last)));
+        assert_eq!(changed(0, AnswerChange::First), Ok(at(first)));
+        assert_eq!(changed(0, AnswerChange::Narrower), Err(NoAnswer::Narrowest));
+        assert_eq!(changed(0, AnswerChange::Narrowest), Err(NoAnswer::Narrowest));
+        assert_eq!(changed(last, AnswerChange::Wider), Err(NoAnswer::Widest));
+        assert_eq!(changed(last, AnswerChange::Widest), Err(NoAnswer::Widest));
+        assert_eq!(changed(first, AnswerChange::First), Err(NoAnswer::First));
+        // A leak of one's own beyond the ends leads to the last step on that side.
+        assert_eq!(answers.changed(100.0, AnswerChange::Wider).map(|a| a.leak < 100.0), Ok(true));
+        assert_eq!(answers.changed(100.0, AnswerChange::Narrower), Err(NoAnswer::Narrowest));
+        assert_eq!(answers.changed(0.0, AnswerChange::Wider), Err(NoAnswer::Widest));
+    }
+
+    #[test]
+    fn answers_that_are_not_allowed_are_no_steps() {
+        let sizes = [50, 60, 80, 300, 900, 1000, 1010, 1020, 4000, 9000, 9900, 10_000];
+        let all = Answers::new(family(&sizes), SHOWN).unwrap();
+        let narrow = Answers::among(family(&sizes), SHOWN, |i| i < 4).unwrap();
+        assert!(narrow.steps.iter().all(|i| *i < 4) && narrow.first().gaussians <= 300);
+        assert_eq!(Answers::among(family(&sizes), SHOWN, |i| i < 12), Some(all));
+        assert_eq!(Answers::among(family(&sizes), SHOWN, |_| false), None);
     }
 
     proptest! {

@@ -96,6 +96,12 @@ impl Preview {
         &self.mask
     }
 
+    /// The selection that the stroke is drawn over, with the walk of an unfinished walk stroke.
+    #[must_use]
+    pub fn session(&self) -> &SelectionSession {
+        &self.session
+    }
+
     /// Number of Gaussians under the stroke so far.
     #[must_use]
     pub fn hits(&self) -> usize {

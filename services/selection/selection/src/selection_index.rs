@@ -19,9 +19,11 @@ use crate::operation_context::OperationContext;
 use crate::strokes::{Mode, Stroke};
 
 mod farthest;
+mod first_stroke;
 mod walk_index;
 mod walk_options;
 
+pub(crate) use first_stroke::FirstStroke;
 use walk_index::WalkIndex;
 pub use walk_index::{TOLERANCE, Walk, WalkSummary};
 pub use walk_options::{Background, WalkOptions, WalkOptionsError};
@@ -276,18 +278,32 @@ impl SelectionIndex {
 
     /// Solves the walks of a family that the caller keeps between walks; start with [`SelectionIndex::family`].
     ///
-    /// Returns the walk of the first answer, and all answers. `threshold` is the limit of p − q.
+    /// Returns the walk of the first answer, all answers, and the masks as those of a first stroke. `threshold` is the limit of p − q. With the masks of the first
+    /// stroke, answers that disagree with the later strokes are left out.
     ///
     /// # Errors
     /// [`WalkError`] if the solver breaks down.
-    pub fn walk_at_every_scale(
+    pub(crate) fn walk_at_every_scale(
         &self,
         family: &mut EliminationFamily,
         threshold: f64,
-        foreground: impl Iterator<Item = u32>,
-        background: impl Iterator<Item = u32>,
-    ) -> Result<Option<(Walk, Answers)>, WalkError> {
-        self.walks.walk_at_every_scale(family, threshold, foreground, background)
+        strokes: [impl Iterator<Item = u32>; 2],
+        first: Option<&FirstStroke>,
+    ) -> Result<Option<(Walk, Answers, FirstStroke)>, WalkError> {
+        self.walks.walk_at_every_scale(family, threshold, strokes, first)
+    }
+
+    /// The masks of a first stroke at every scale, from the Gaussians under the foreground and the background brush.
+    ///
+    /// # Errors
+    /// [`WalkError`] if the solver breaks down.
+    pub(crate) fn first_stroke(
+        &self,
+        family: &mut EliminationFamily,
+        threshold: f64,
+        strokes: [impl Iterator<Item = u32>; 2],
+    ) -> Result<FirstStroke, WalkError> {
+        self.walks.first_stroke(family, threshold, strokes)
     }
 }
 

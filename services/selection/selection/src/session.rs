@@ -11,9 +11,9 @@ use std::sync::Arc;
 use serde::Serialize;
 use sg_scene::mask::Mask;
 
-use crate::answers::Answers;
+use crate::answers::{Answers, NoAnswer};
 use crate::brush::OpenStroke;
-use crate::selection_index::{SelectionIndex, Walk};
+use crate::selection_index::{FirstStroke, SelectionIndex, Walk};
 use crate::steps::{Step, StepError};
 use crate::strokes::{Kind, MAX_STEPS, Mode, Stroke};
 use crate::tuning::Tuning;
@@ -21,6 +21,8 @@ use sg_clusters::geometry::GeometryError;
 use sg_walk::elimination::{Elimination, EliminationFamily};
 use sg_walk::uncertainty::{Uncertainty, node_uncertainty, proposals};
 use sg_walk::{THRESHOLD, WalkError};
+
+mod every_scale;
 
 /// A failed step. The selection is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -34,6 +36,9 @@ pub enum SelectionError {
     /// Leak and threshold need a walk, and the selection has none.
     #[error("the selection has no walk to change the leak or the threshold of; brush in walk mode first")]
     NoWalk,
+    /// There is no such other answer to the walk strokes.
+    #[error(transparent)]
+    NoAnswer(#[from] NoAnswer),
     /// The walk could not be solved.
     #[error(transparent)]
     Walk(#[from] WalkError),
@@ -94,6 +99,8 @@ pub struct SelectionSession {
     /// Whether the elimination is that of the walk. After a walk at every scale it is that of an earlier one.
     eliminated: bool,
     family: Option<EliminationFamily>,
+    /// The masks of the first green walk stroke, once another stroke needs them.
+    first: Option<Arc<FirstStroke>>,
     /// The answers to the present strokes. `None` until they are asked for if the tuning is set.
     answers: Option<Answers>,
     walk: Option<Walk>,
@@ -112,6 +119,7 @@ impl SelectionSession {
             elimination: index.elimination().cloned(),
             eliminated: false,
             family: index.family().cloned(),
+            first: None,
             answers: None,
             index,
             applied: Vec::new(),
@@ -238,26 +246,6 @@ impl SelectionSession {
         self.rebuild_mask()
     }
 
-    /// The walk of the first answer to the present strokes, and all answers. `None` without a family.
-    fn walk_at_every_scale(&mut self) -> Result<Option<(Walk, Answers)>, SelectionError> {
-        let Some(family) = &mut self.family else { return Ok(None) };
-        let (foreground, background) = (ones(&self.foreground), ones(&self.background));
-        Ok(self.index.walk_at_every_scale(family, self.tuning.threshold, foreground, background)?)
-    }
-
-    /// The answers to the strokes at every scale ([`crate::answers`]). `None` without a walk stroke or without a family.
-    ///
-    /// A tuning does not change the answers, apart from its threshold. So a user steps between the same ones.
-    ///
-    /// # Errors
-    /// [`SelectionError::Walk`].
-    pub fn answers(&mut self) -> Result<Option<&Answers>, SelectionError> {
-        if self.answers.is_none() && self.walk.is_some() {
-            self.answers = self.walk_at_every_scale()?.map(|(_, answers)| answers);
-        }
-        Ok(self.answers.as_ref())
-    }
-
     /// Rebuilds the mask from the walk's probabilities and the other steps.
     fn rebuild_mask(&mut self) -> Result<(), SelectionError> {
         if let Some(walk) = &self.walk {
@@ -318,7 +306,10 @@ impl SelectionSession {
         if tuning.leak == self.tuning.leak {
             next.rebuild_mask()?;
         } else {
+            // The answers are those of the strokes.
+            let answers = next.answers.take();
             next.solve()?;
+            next.answers = answers;
         }
         *self = next;
         Ok(())
@@ -389,6 +380,10 @@ impl SelectionSession {
         let mut blank = Self::new(Arc::clone(&self.index));
         blank.elimination.clone_from(&self.elimination);
         blank.family.clone_from(&self.family);
+        // The first stroke is the same, unless it goes.
+        if earlier.iter().any(|d| d.walk_stroke().is_some_and(|s| s.kind == Kind::Foreground)) {
+            blank.first.clone_from(&self.first);
+        }
         let rebuilt = blank.replay(earlier)?;
         let step = last.step.clone();
         *self = rebuilt;

@@ -17,24 +17,29 @@ use sg_proto::keys::{self, role};
 use sg_proto::scene::{Command, CommandResult, CommitSelection, command};
 use sg_proto::selection;
 use sg_runtime::actor::{Actor, ActorError, Reply};
-use sg_runtime::bus::{Bus, RetainedValue};
+use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::progress;
 use sg_runtime::scene_replica::{SceneReplica, SceneRevision};
 use sg_scene::mask::Mask;
-use sg_selection::preview::{Preview, differing};
-use sg_selection::selection_index::{SelectionIndex, WalkOptions};
+use sg_selection::answers::AnswerChange;
+use sg_selection::preview::differing;
+use sg_selection::selection_index::SelectionIndex;
 use sg_selection::session::{SelectionError, SelectionSession};
 use sg_selection::steps::Step;
-use sg_selection::strokes::Stroke;
+use tokio::sync::oneshot;
 
 use crate::wire;
 
+mod answers;
 mod prepared;
+mod trials;
 
+use answers::publish_revisions;
 use prepared::{Params, Places, prepare};
+use trials::OpenStroke;
 
 /// Length of the request queue.
 const QUEUE: usize = 8;
@@ -48,8 +53,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::SELECTION)));
     }
     let params: Params = host.params()?;
-    let walk = if params.every_scale { WalkOptions::every_scale() } else { WalkOptions::default() };
-    let walk = WalkOptions { leak: params.leak, sigma_s: params.sigma_s, sigma_f: params.sigma_f, ..walk };
+    let walk = params.walk_options();
     walk.check().map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
 
     let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
@@ -83,11 +87,11 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         labels_path: labels_path.display().to_string(),
         tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&index)).tuning())),
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
+        answers: None,
     };
     host.serve_content(&keys::SELECTION_CONTENT).await?;
     let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
-    tokio::spawn(publish_revisions(scene.clone(), owned, state_message));
-
+    let revisions = scene.clone();
     let selector = Selector {
         bus: host.bus().clone(),
         session: SelectionSession::new(Arc::clone(&index)),
@@ -99,6 +103,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         last_walk_ms: 0.0,
     };
     let (mailbox, _) = host.spawn(selector, QUEUE);
+    tokio::spawn(publish_revisions(revisions, mailbox.clone(), owned, state_message));
     host.route(&keys::SELECTION_SAMPLE, QUEUE, &mailbox, |request, _, reply| Message::Sample { request, reply })
         .await?;
     host.route(&keys::SELECTION_TUNE, QUEUE, &mailbox, |request, _, reply| Message::Tune { request, reply }).await?;
@@ -113,20 +118,6 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Publishes the newest revision of the local copy.
-async fn publish_revisions(
-    mut scene: SceneReplica<Replica>,
-    owned: RetainedValue<selection::State>,
-    mut state_message: selection::State,
-) {
-    while let Some(SceneRevision { replica, context }) = scene.changed().await {
-        state_message.revision = replica.state().revision();
-        if let Err(fault) = owned.set(state_message.clone(), &context.next()).await {
-            tracing::warn!(%fault, "the state could not be published");
-        }
-    }
-}
-
 /// Requests to the selector.
 enum Message {
     /// Applies steps and commits the result.
@@ -137,18 +128,17 @@ enum Message {
     Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
     /// Proposes places for the next stroke.
     Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
+    /// Asks for the newest revision, and the answers to the walk strokes of its selection.
+    Answers { reply: oneshot::Sender<(u64, Option<selection::Answers>)> },
 }
 
-/// The preview of an unfinished stroke.
-struct OpenStroke {
-    name: String,
-    /// Hash of the selection below the stroke.
-    over: String,
-    /// Gaussians that could not be selected then.
-    unselectable: Mask,
-    /// The state that it was begun in.
-    state: Arc<EditState>,
-    preview: Preview,
+/// What a request asks for.
+struct Draft {
+    restart: bool,
+    include_hidden: bool,
+    steps: Vec<Step>,
+    /// Another answer, after the steps.
+    answer: Option<AnswerChange>,
 }
 
 /// The actor of the selection. It handles one request at a time.
@@ -213,6 +203,10 @@ impl Actor for Selector {
             Message::Propose { request, reply } => {
                 let _ = reply.send(tokio::task::block_in_place(|| self.propose(&request)));
             }
+            Message::Answers { reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.newest_answers()));
+                return Ok(());
+            }
         }
         self.answered += 1;
         Ok(())
@@ -228,24 +222,27 @@ impl Selector {
         let gaussians = self.session.mask().len();
         let steps = steps_of(&request.strokes, &[]).into_iter().chain(request.steps.iter().cloned());
         let steps: Vec<Step> = steps.map(|step| wire::decode(&step, gaussians)).collect::<Result<_, _>>()?;
-        if steps.is_empty() && !request.restart {
+        let answer = wire::decode_answer(request.answer)?;
+        if steps.is_empty() && !request.restart && answer.is_none() {
             return Err(Fault::invalid("no step to take; send at least one, or `restart` to begin anew"));
         }
-        let outcome = self.take((request.restart, request.include_hidden), &steps, context).await;
+        let draft = Draft { restart: request.restart, include_hidden: request.include_hidden, steps, answer };
+        let outcome = match self.take(&draft, context).await {
+            // An earlier process may have taken the answer already, and no other one is left beyond it.
+            Err(fault) if answer.is_some() && fault.code == Code::FailedPrecondition => {
+                self.earlier_result(context).await.ok_or(fault)
+            }
+            outcome => outcome,
+        };
         if outcome.is_err() {
             let state = self.local_state();
-            self.show(state.selection().mask(), &state, context).await;
+            self.show(state.selection().mask(), None, &state, context).await;
         }
         outcome
     }
 
     /// Applies steps to the scene's selection, publishes a preview and commits the result.
-    async fn take(
-        &mut self,
-        (restart, include_hidden): (bool, bool),
-        steps: &[Step],
-        context: &Context,
-    ) -> Result<selection::StrokesReply, Fault> {
+    async fn take(&mut self, draft: &Draft, context: &Context) -> Result<selection::StrokesReply, Fault> {
         // The first attempt uses the local state and requires the same revision of the scene. It saves a round trip in the
         // usual case. Revision 0 means any revision.
         let mut state = self.local_state();
@@ -254,9 +251,15 @@ impl Selector {
             if only_at == 0 {
                 state = self.newest(context).await?;
             }
-            tokio::task::block_in_place(|| self.play(&state, (restart, include_hidden), steps))?;
-            self.show(self.session.mask(), &state, context).await;
+            tokio::task::block_in_place(|| self.play(&state, draft))?;
+            self.show(self.session.mask(), self.known_answers(), &state, context).await;
             match self.commit(&state, only_at, context).await {
+                // An earlier process committed these strokes, and this one played them over the result.
+                Ok(result) if result.repeated => {
+                    let state = self.newest(context).await?;
+                    self.session = tokio::task::block_in_place(|| self.present(&state))?;
+                    return Ok(self.reply(&result));
+                }
                 Ok(result) => return Ok(self.reply(&result)),
                 // A concurrent change of the scene: retry on the newest state until the deadline.
                 Err(fault) if matches!(fault.code, Code::Aborted | Code::FailedPrecondition) => only_at = 0,
@@ -266,13 +269,14 @@ impl Selector {
     }
 
     /// Publishes the coming selection before the commit is durable.
-    async fn show(&self, mask: &Mask, state: &EditState, context: &Context) {
+    async fn show(&self, mask: &Mask, answers: Option<selection::Answers>, state: &EditState, context: &Context) {
         let committed = state.selection();
         let preview = selection::Preview {
             selected: mask.count() as u64,
             changed: runs(&differing(committed.mask(), mask)),
             selection_hash: committed.hash().to_owned(),
             revision: state.revision(),
+            answers,
         };
         // A lost preview is harmless: the scene publishes the committed selection.
         if let Err(fault) = self.bus.publish(&keys::SELECTION_PREVIEW, &preview, &context.next()).await {
@@ -328,21 +332,21 @@ impl Selector {
     /// Updates the session to the scene's selection and adds the new steps. On an error nothing changes.
     ///
     /// Hidden Gaussians stay out of the selection, unless they were in it before or `include_hidden` is set.
-    fn play(
-        &mut self,
-        state: &EditState,
-        (restart, include_hidden): (bool, bool),
-        steps: &[Step],
-    ) -> Result<(), Fault> {
-        let mut session = if restart { SelectionSession::new(self.index_of(state)) } else { self.present(state)? };
+    fn play(&mut self, state: &EditState, draft: &Draft) -> Result<(), Fault> {
+        let mut session =
+            if draft.restart { SelectionSession::new(self.index_of(state)) } else { self.present(state)? };
         let start = Instant::now();
-        for step in steps {
+        for step in &draft.steps {
             session.add_step(step.clone()).map_err(refusal)?;
             progress::current().step();
         }
-        if !include_hidden && !steps.is_empty() {
+        if let Some(change) = draft.answer {
+            let choice = session.other_answer(change).map_err(refusal)?;
+            session.add_step(choice.into()).map_err(refusal)?;
+        }
+        if !draft.include_hidden && !(draft.steps.is_empty() && draft.answer.is_none()) {
             let kept = state.selection().mask();
-            let hidden = hidden(state, (!restart).then_some(&**kept));
+            let hidden = hidden(state, (!draft.restart).then_some(&**kept));
             // A later change of the walk's parameters may let it grow into what is hidden now.
             let may_grow = session.walk().is_some() && !hidden.is_none() && !session.excludes(&hidden);
             if may_grow || session.mask().intersects(&hidden) {
@@ -356,104 +360,6 @@ impl Selector {
         Ok(())
     }
 
-    /// Adds samples to an unfinished stroke and returns the preview.
-    ///
-    /// No other service is involved, because the user waits for the reply. A sample is cheaper than moving other work off
-    /// this thread, so only the first one blocks in place.
-    fn sample(&mut self, request: &selection::SampleRequest) -> Result<selection::SampleReply, Fault> {
-        let start = Instant::now();
-        let samples = request.samples.as_ref().ok_or_else(|| Fault::invalid("no samples; send some"))?;
-        let stroke = wire::decode_stroke(samples)?;
-        let state = self.local_state();
-        let over = state.selection().hash();
-        let unselectable = state.unselectable();
-        let goes_on = self.open.as_ref().is_some_and(|o| {
-            o.name == request.stroke && o.over == over && o.unselectable == unselectable && o.state.is_placed_as(&state)
-        });
-        if !goes_on {
-            let session = tokio::task::block_in_place(|| self.present(&state))?;
-            // The selection below has changed: replay the stroke over the new one.
-            let earlier = self.open.take().filter(|o| o.name == request.stroke);
-            let mut preview = Preview::begin(&session, &stroke).map_err(|e| Fault::invalid(e.to_string()))?;
-            if let Some(earlier) = earlier {
-                let Stroke { points, pressure, .. } = earlier.preview.stroke();
-                preview.extend(points, pressure).map_err(|e| Fault::invalid(e.to_string()))?;
-            }
-            let (name, over) = (request.stroke.clone(), over.to_owned());
-            self.open = Some(OpenStroke { name, over, unselectable, state: Arc::clone(&state), preview });
-            self.session = session;
-        }
-        let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
-        let most = sg_proto::limits::MAX_STROKE_POINTS;
-        if open.preview.stroke().points.len() + stroke.points.len() > most {
-            return Err(Fault::exhausted(format!("a stroke of more than {most} points; begin another one")));
-        }
-        let changed =
-            open.preview.extend(&stroke.points, &stroke.pressure).map_err(|e| Fault::invalid(e.to_string()))?;
-        let mask = open.preview.mask();
-        let mut changed = if goes_on {
-            changed
-        } else {
-            // Relative to the committed selection. The client displays that.
-            differing(state.selection().mask(), mask)
-        };
-        let mut selected = mask.count();
-        if !request.include_hidden {
-            let mut hidden = hidden(&state, Some(state.selection().mask()));
-            changed.retain(|g| !hidden.get(*g as usize));
-            hidden.intersect_with(mask);
-            selected -= hidden.count();
-        }
-        Ok(selection::SampleReply {
-            hits: open.preview.hits() as u64,
-            selected: selected as u64,
-            changed: runs(&changed),
-            relative_to_committed: !goes_on,
-            selection_hash: over.to_owned(),
-            preview_ms: start.elapsed().as_secs_f64() * 1e3,
-        })
-    }
-
-    /// Previews another leak or threshold, without a change of state.
-    ///
-    /// Each reply is relative to the committed selection, so a client may skip replies.
-    fn tune(&mut self, request: &selection::TuneRequest) -> Result<selection::TuneReply, Fault> {
-        let start = Instant::now();
-        let tuning = request.tuning.as_ref().ok_or_else(|| Fault::invalid("no leak and threshold; send both"))?;
-        let tuning = wire::decode_tuning(tuning)?;
-        let state = self.local_state();
-        let mut session = self.present(&state)?;
-        self.session = session.clone();
-        session.tune(tuning).map_err(refusal)?;
-        let committed = state.selection();
-        Ok(selection::TuneReply {
-            selected: session.mask().count() as u64,
-            changed: runs(&differing(committed.mask(), session.mask())),
-            selection_hash: committed.hash().to_owned(),
-            preview_ms: start.elapsed().as_secs_f64() * 1e3,
-        })
-    }
-
-    /// Proposes places for the next walk stroke.
-    fn propose(&mut self, request: &selection::ProposalsRequest) -> Result<selection::ProposalsReply, Fault> {
-        let start = Instant::now();
-        let most = sg_proto::limits::MAX_PROPOSALS;
-        if !(1..=most).contains(&request.count) {
-            return Err(Fault::invalid(format!("{} places; ask for 1 to {most}", request.count)));
-        }
-        let state = self.local_state();
-        self.session = self.present(&state)?;
-        if self.session.walk().is_none() {
-            return Err(Fault::precondition("the selection has no walk to continue; brush in walk mode first"));
-        }
-        let proposals = self.session.proposals(request.count as usize);
-        Ok(selection::ProposalsReply {
-            proposals: proposals.iter().map(wire::encode_proposal).collect(),
-            selection_hash: state.selection().hash().to_owned(),
-            proposals_ms: start.elapsed().as_secs_f64() * 1e3,
-        })
-    }
-
     /// Commits the session's selection over that of `state`. The scene must be at revision `only_at`, unless that is 0.
     async fn commit(&self, state: &EditState, only_at: u64, context: &Context) -> Result<CommandResult, Fault> {
         let steps: Vec<_> = self.session.steps().map(wire::encode).collect();
@@ -464,8 +370,7 @@ impl Selector {
             strokes: alone.unwrap_or_default(),
             expected_hash: state.selection().hash().to_owned(),
         };
-        // A retry has the same command id.
-        let id = format!("strokes-{}", context.id);
+        let id = commit_id(context);
         let action = Some(command::Action::CommitSelection(commit));
         let context = context.next().with_id(id.clone()).within(Duration::from_secs(10));
         let command = Command { id: id.clone(), expected_revision: only_at, action };
@@ -479,7 +384,19 @@ impl Selector {
         }
     }
 
-    fn reply(&self, result: &CommandResult) -> selection::StrokesReply {
+    /// The reply to a request that an earlier process of this service has committed. `None` if there was none.
+    async fn earlier_result(&mut self, context: &Context) -> Option<selection::StrokesReply> {
+        let id = commit_id(context);
+        let probe = Command { id: id.clone(), ..Command::default() };
+        let context = context.next().with_id(id);
+        let result = self.bus.ask(&keys::SCENE_APPLY, &probe, &context).await.ok()?;
+        let state = self.newest(&context).await.ok()?;
+        self.session = tokio::task::block_in_place(|| self.present(&state)).ok()?;
+        Some(self.reply(&result))
+    }
+
+    fn reply(&mut self, result: &CommandResult) -> selection::StrokesReply {
+        let answers = tokio::task::block_in_place(|| self.answers());
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let summary = self.session.walk().map(|w| w.summary).unwrap_or_default();
         let selected = self.session.mask().count();
@@ -499,8 +416,14 @@ impl Selector {
             conflicts: small(summary.conflicts),
             walk_ms: self.last_walk_ms,
             summary: line,
+            answers,
         }
     }
+}
+
+/// The id of the command that commits a request. A retry has the same one.
+fn commit_id(context: &Context) -> String {
+    format!("strokes-{}", context.id)
 }
 
 /// The hidden Gaussians that a selection has to leave out; those of `kept` may stay.
@@ -518,7 +441,7 @@ fn hidden(state: &EditState, kept: Option<&Mask>) -> Mask {
 /// The fault of a rejected step.
 fn refusal(error: SelectionError) -> Fault {
     match error {
-        SelectionError::NoWalk => Fault::precondition(error.to_string()),
+        SelectionError::NoWalk | SelectionError::NoAnswer(_) => Fault::precondition(error.to_string()),
         error => Fault::invalid(error.to_string()),
     }
 }

@@ -6,9 +6,10 @@ use sg_proto::scene as proto;
 use sg_proto::scene::selection_operation::Operation as Kind;
 use sg_proto::scene::selection_step::Step as Sent;
 use sg_proto::scene::{StrokeKind, StrokeMode};
-use sg_proto::selection;
+use sg_proto::selection::{self, AnswerStep};
 use sg_runtime::fault::Fault;
 use sg_scene::camera::Camera;
+use sg_selection::answers::{Answer, AnswerChange, Answers};
 use sg_selection::operations::{Attribute, Combine, Operation};
 use sg_selection::session::Proposal;
 use sg_selection::steps::Step;
@@ -105,6 +106,39 @@ pub(crate) fn encode_proposal(proposal: &Proposal) -> selection::Proposal {
         expected_shift,
         expected_change,
     }
+}
+
+/// The clear steps of the answers to the strokes of a selection with this tuning.
+pub(crate) fn encode_answers(answers: &Answers, tuning: Tuning) -> selection::Answers {
+    let place = |step: usize| u32::try_from(step).unwrap_or(u32::MAX);
+    let encode = |step: &usize| {
+        let Answer { leak, gaussians, conductance } = answers.family[*step];
+        selection::Answer { leak, gaussians: gaussians as u64, conductance }
+    };
+    selection::Answers {
+        steps: answers.steps.iter().map(encode).collect(),
+        first: place(answers.first),
+        taken: place(answers.step_at(tuning.leak)),
+        tuning: Some(encode_tuning(tuning)),
+    }
+}
+
+/// Decodes the request for another answer. `None` if it asks for none.
+///
+/// # Errors
+/// [`DecodeError::Invalid`] for a value that this service does not know.
+pub(crate) fn decode_answer(step: i32) -> Result<Option<AnswerChange>, DecodeError> {
+    Ok(match AnswerStep::try_from(step) {
+        Ok(AnswerStep::Unspecified) => None,
+        Ok(AnswerStep::Narrower) => Some(AnswerChange::Narrower),
+        Ok(AnswerStep::Wider) => Some(AnswerChange::Wider),
+        Ok(AnswerStep::Narrowest) => Some(AnswerChange::Narrowest),
+        Ok(AnswerStep::Widest) => Some(AnswerChange::Widest),
+        Ok(AnswerStep::First) => Some(AnswerChange::First),
+        Err(_) => {
+            return Err(invalid(format!("{step} names no other answer: narrower, wider, narrowest, widest or first")));
+        }
+    })
 }
 
 /// Decodes and checks a stroke of the bus.
@@ -343,6 +377,21 @@ mod tests {
         for step in steps {
             assert_eq!(decode(&encode(&step), 10).unwrap(), step);
         }
+    }
+
+    #[test]
+    fn answers_have_their_places_and_the_tuning() {
+        let answer = |leak, gaussians| Answer { leak, gaussians, conductance: 0.1 };
+        let family = vec![answer(1.0, 10), answer(0.1, 100), answer(0.05, 110), answer(0.01, 1000)];
+        let answers = Answers { family, steps: vec![0, 1, 3], first: 1 };
+        let encoded = encode_answers(&answers, Tuning { leak: 0.012, threshold: 0.25 });
+        let leaks: Vec<f64> = encoded.steps.iter().map(|s| s.leak).collect();
+        assert_eq!((leaks, encoded.first, encoded.taken), (vec![1.0, 0.1, 0.01], 1, 2));
+        assert_eq!(encoded.steps[2].gaussians, 1000);
+        assert_eq!(encoded.tuning, Some(proto::WalkTuning { leak: 0.012, threshold: 0.25 }));
+        assert_eq!(decode_answer(0), Ok(None));
+        assert_eq!(decode_answer(AnswerStep::Widest.into()), Ok(Some(AnswerChange::Widest)));
+        assert!(decode_answer(99).is_err());
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl Structure {
         Self { order, fill, before_offsets, before, dense, ordered, later, exponents, degree }
     }
 
-    /// Ranks whose seed or leaking state differs from a list of nodes, with the columns that change. Updates both states.
+    /// Updates seeds and leaking states, and marks all columns that change with them: those marked before, and their ancestors.
     fn update(&self, seeds: &[Seed], leaking: Option<&[bool]>, own: &mut Terminals, changed: &mut [bool]) {
         for (k, &u) in self.order.iter().enumerate() {
             let (seed, leaks) = (seeds[u as usize], leaking.is_none_or(|l| l[u as usize]));
@@ -97,6 +97,11 @@ impl Structure {
             if own.leaking[k] != leaks {
                 own.leaking[k] = leaks;
                 changed[k] = true;
+            }
+        }
+        for k in 0..changed.len() {
+            if let Some(parent) = self.fill.parent(k).filter(|_| changed[k]) {
+                changed[parent as usize] = true;
             }
         }
     }
@@ -226,19 +231,12 @@ impl<T: Arithmetic> Columns<T> {
         }
         (self.foreground[k], self.background[k], self.total[k]) = (f, b, sum);
     }
-}
 
-impl<T: Real> Columns<T> {
-    /// Computes column k with a leak in units of the node's degree.
-    fn compute_leaking(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
-        self.compute(s, k, seeds, T::of(s.degree[k] * leak, self.shift));
-    }
-
-    fn probabilities(&self, s: &Structure, seeds: &[Seed]) -> Solution {
-        let n = s.order.len();
+    /// Probabilities of foreground and background by rank; both 0 where no terminal is reached.
+    fn ends(&self, s: &Structure, seeds: &[Seed]) -> Vec<[T; 2]> {
         let one = T::of(Conductance::ONE, 0);
-        let mut both = vec![[T::ZERO; 2]; n];
-        for k in (0..n).rev() {
+        let mut both = vec![[T::ZERO; 2]; s.order.len()];
+        for k in (0..both.len()).rev() {
             both[k] = match seeds[k] {
                 Seed::Foreground => [one, T::ZERO],
                 Seed::Background => [T::ZERO, one],
@@ -255,8 +253,20 @@ impl<T: Real> Columns<T> {
                 }
             };
         }
+        both
+    }
+}
+
+impl<T: Real> Columns<T> {
+    /// Computes column k with a leak in units of the node's degree.
+    fn compute_leaking(&mut self, s: &Structure, k: usize, seeds: &[Seed], leak: Conductance) {
+        self.compute(s, k, seeds, T::of(s.degree[k] * leak, self.shift));
+    }
+
+    fn probabilities(&self, s: &Structure, seeds: &[Seed]) -> Solution {
+        let n = s.order.len();
         let mut solution = Solution { p: vec![0.0; n], q: vec![0.0; n], reached: vec![false; n] };
-        for (&u, [p, q]) in s.order.iter().zip(both) {
+        for (&u, [p, q]) in s.order.iter().zip(self.ends(s, seeds)) {
             let u = u as usize;
             solution.reached[u] = !(p.is_nothing() && q.is_nothing());
             // With a single terminal, every walk that ends, ends there.
@@ -392,20 +402,13 @@ impl Elimination {
         };
         structure.update(seeds, leaking, &mut self.terminals, &mut changed);
         self.leak = leak;
-        self.made = 0;
+        self.made = changed.iter().filter(|c| **c).count();
         let mut numbers = numbers;
-        for k in 0..n {
-            if !changed[k] {
-                continue;
-            }
+        for k in (0..n).filter(|k| changed[*k]) {
             let own = if self.terminals.leaking[k] { conductance } else { Conductance::ZERO };
             match &mut numbers {
                 Numbers::Plain(columns) => columns.compute_leaking(&structure, k, &self.terminals.seeds, own),
                 Numbers::Wide(columns) => columns.compute_leaking(&structure, k, &self.terminals.seeds, own),
-            }
-            self.made += 1;
-            if let Some(parent) = structure.fill.parent(k) {
-                changed[parent as usize] = true;
             }
         }
         let solution = match &numbers {

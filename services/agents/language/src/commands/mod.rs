@@ -2,6 +2,7 @@
 //!
 //! `CONTRIBUTING.md` says how to add a command.
 
+mod answers;
 mod background;
 mod color;
 pub(crate) mod command;

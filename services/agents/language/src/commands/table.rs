@@ -7,8 +7,8 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    background, color, delete, files, frame, help as help_command, history, light, lock, merge, movement, naming,
-    opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
+    answers, background, color, delete, files, frame, help as help_command, history, light, lock, merge, movement,
+    naming, opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -16,6 +16,8 @@ use crate::resolution::{Refusal, Step};
 pub(crate) const TABLE: &[Command] = &[
     color::SET_COLOR,
     opacity::SET_OPACITY,
+    // Before "only …": "only this part" is about the strokes.
+    answers::TAKE_ANSWER,
     visibility::SHOW_ONLY,
     visibility::SHOW,
     visibility::HIDE,

@@ -13,7 +13,7 @@ use super::{Reader, UtteranceError, follow_up, rewording, self_correction, spell
 const MAX_REPAIRED_TOKENS: usize = 40;
 
 /// Acts that a repaired spelling may mean at once: a look tells their effect, and one undo takes it back.
-const SAFE: [Act; 17] = [
+const SAFE: [Act; 20] = [
     Act::SetColor,
     Act::SetOpacity,
     Act::Show,
@@ -25,6 +25,9 @@ const SAFE: [Act; 17] = [
     Act::SetTerm,
     Act::Select,
     Act::ClearSelection,
+    Act::TakeAnswer,
+    Act::Transform,
+    Act::SetTone,
     Act::Lock,
     Act::List,
     Act::QuerySelection,

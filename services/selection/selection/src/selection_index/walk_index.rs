@@ -17,6 +17,7 @@ use sg_walk::uncertainty::ProposalQuery;
 use sg_walk::{Network, Precision, Problem, Seed, Solution, Solver, SystemSolver, WalkError, gth, solve};
 
 use super::farthest::FarthestRule;
+use super::first_stroke::FirstStroke;
 use super::walk_options::{Background, WalkOptions};
 use crate::answers::{Answer, Answers, Shown, leaks};
 
@@ -297,14 +298,33 @@ impl WalkIndex {
         Ok(Walk { solution, seeds, units, summary, quality })
     }
 
-    /// The walks of a family: the answers, and the walk of the first one.
+    /// The masks of a first stroke at every scale.
+    pub(super) fn first_stroke(
+        &self,
+        family: &mut EliminationFamily,
+        threshold: f64,
+        [foreground, background]: [impl Iterator<Item = u32>; 2],
+    ) -> Result<FirstStroke, WalkError> {
+        let (seeds, units, _) = self.seeds(foreground, background);
+        let active = self.active(&units);
+        let solutions = family.solve(&seeds, Some(&active))?;
+        let selected = solutions.iter().map(|solution| self.selected(solution, threshold, &active)).collect();
+        Ok(FirstStroke { seeds, threshold, selected })
+    }
+
+    /// Active nodes that a walk selects.
+    fn selected(&self, solution: &Solution, threshold: f64, active: &[bool]) -> Vec<bool> {
+        (0..self.len()).map(|node| active[node] && solution.leads(node, threshold)).collect()
+    }
+
+    /// The walks of a family: the answers, and the walk of the first one. See [`super::SelectionIndex::walk_at_every_scale`].
     pub(super) fn walk_at_every_scale(
         &self,
         family: &mut EliminationFamily,
         threshold: f64,
-        foreground: impl Iterator<Item = u32>,
-        background: impl Iterator<Item = u32>,
-    ) -> Result<Option<(Walk, Answers)>, WalkError> {
+        [foreground, background]: [impl Iterator<Item = u32>; 2],
+        first: Option<&FirstStroke>,
+    ) -> Result<Option<(Walk, Answers, FirstStroke)>, WalkError> {
         let (seeds, units, mut summary) = self.seeds(foreground, background);
         let active = self.active(&units);
         let mut solutions = family.solve(&seeds, Some(&active))?;
@@ -315,20 +335,22 @@ impl WalkIndex {
             hit: self.mass_of(|node| seeds[node] == Seed::Foreground) as usize,
             all: self.mass_of(|node| active[node]) as usize,
         };
-        let answer = |(leak, solution): (&f64, &Solution)| {
-            let selected: Vec<bool> = (0..self.len()).map(|n| active[n] && solution.leads(n, threshold)).collect();
-            Answer {
-                leak: *leak,
-                gaussians: self.mass_of(|node| selected[node]) as usize,
-                conductance: self.conductance(&selected, &active),
-            }
+        let masks: Vec<Vec<bool>> = solutions.iter().map(|s| self.selected(s, threshold, &active)).collect();
+        let answer = |(leak, selected): (&f64, &Vec<bool>)| Answer {
+            leak: *leak,
+            gaussians: self.mass_of(|node| selected[node]) as usize,
+            conductance: self.conductance(selected, &active),
         };
-        let answers = family.leaks().iter().zip(&solutions).map(answer).collect();
-        let Some(answers) = Answers::new(answers, shown) else { return Ok(None) };
+        let answers = family.leaks().iter().zip(&masks).map(answer).collect();
+        let consistent = first.map(|first| first.consistent(&seeds, &self.mass));
+        let Some(answers) = Answers::among(answers, shown, |i| consistent.as_ref().is_none_or(|c| c[i])) else {
+            return Ok(None);
+        };
         let solution = solutions.swap_remove(answers.steps[answers.first]);
         self.count_leaking(answers.first().leak, &seeds, &active, &mut summary);
         summary.unreached = (0..self.len()).filter(|&node| active[node] && !solution.reached[node]).count();
-        Ok(Some((Walk { solution, seeds, units, summary, quality: None }, answers)))
+        let masks = FirstStroke { seeds: seeds.clone(), threshold, selected: masks };
+        Ok(Some((Walk { solution, seeds, units, summary, quality: None }, answers, masks)))
     }
 
     /// Number of Gaussians of some nodes.

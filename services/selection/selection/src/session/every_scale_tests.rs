@@ -2,7 +2,7 @@
 
 use super::tests::{made, stroke};
 use super::*;
-use crate::answers::{LEAKS, Scale};
+use crate::answers::{AnswerChange, LEAKS, NoAnswer, Scale};
 use crate::operations::Operation;
 use crate::preview::Preview;
 use crate::selection_index::{Background, WalkOptions};
@@ -46,6 +46,83 @@ fn the_first_answer_is_one_of_nested_masks_and_equals_the_walk_with_its_leak() {
         assert!(!first.proposals(3).is_empty() && session.proposals(3) == first.proposals(3));
         session = first;
     }
+}
+
+#[test]
+fn later_strokes_leave_out_the_scales_that_they_disagree_with() {
+    let (session, green, red) = at_every_scale();
+    // The masks of the first stroke at each leak, by ordinary walks.
+    let mut alone = session.clone();
+    alone.add_stroke(green.clone()).unwrap();
+    let before = alone.answers().unwrap().unwrap().clone();
+    let masks: Vec<Mask> = before
+        .family
+        .iter()
+        .map(|answer| {
+            alone.tune(Tuning { leak: answer.leak, ..alone.tuning() }).unwrap();
+            alone.mask().clone()
+        })
+        .collect();
+    let share = |stroke: &Stroke, mask: &Mask| {
+        let index = session.index();
+        let clusters: std::collections::BTreeSet<usize> =
+            index.hits(stroke).iter().filter_map(|g| index.cluster_of(*g)).collect();
+        let members: Vec<u32> = clusters.iter().flat_map(|c| index.members(*c)).copied().collect();
+        members.iter().filter(|g| mask.get(**g as usize)).count() as f64 / members.len() as f64
+    };
+    let far = Stroke { kind: Kind::Foreground, ..red.clone() };
+    for (second, agrees) in [
+        (red.clone(), Box::new(|mask: &Mask| share(&red, mask) < 1.0) as Box<dyn Fn(&Mask) -> bool>),
+        (far.clone(), Box::new(|mask: &Mask| share(&far, mask) > 0.0)),
+    ] {
+        let consistent: Vec<usize> = (0..LEAKS).filter(|i| agrees(&masks[*i])).collect();
+        assert!(!consistent.is_empty() && consistent.len() < LEAKS, "{:?}: {consistent:?}", second.kind);
+        let mut drawn = session.clone();
+        drawn.add_stroke(green.clone()).unwrap();
+        let one = drawn.clone();
+        drawn.add_stroke(second.clone()).unwrap();
+        let after = drawn.answers().unwrap().unwrap().clone();
+        assert!(after.steps.iter().all(|i| consistent.contains(i)), "{:?}: {after:?}", second.kind);
+        assert_eq!(drawn.tuning().leak, after.first().leak);
+        // The same from the list of steps, in a preview, and after an undo.
+        let steps: Vec<Step> = drawn.steps().cloned().collect();
+        let mut again = SelectionSession::of_steps(session.index(), &steps).unwrap();
+        assert_eq!((again.mask(), again.tuning()), (drawn.mask(), drawn.tuning()));
+        assert_eq!(again.answers().unwrap(), Some(&after));
+        assert_eq!(&one.preview(second).unwrap(), drawn.mask());
+        drawn.undo().unwrap();
+        assert_eq!(drawn.answers().unwrap(), Some(&before));
+        assert_eq!((drawn.mask(), drawn.tuning()), (one.mask(), one.tuning()));
+    }
+}
+
+#[test]
+fn other_answers_are_tunings_or_are_refused() {
+    let (mut session, green, _) = at_every_scale();
+    assert_eq!(session.other_answer(AnswerChange::Wider), Err(SelectionError::NoWalk));
+    session.add_stroke(green.clone()).unwrap();
+    let answers = session.answers().unwrap().unwrap().clone();
+    assert!(answers.steps.len() > 1, "{answers:?}");
+    let mut counts = Vec::new();
+    if let Ok(narrowest) = session.other_answer(AnswerChange::Narrowest) {
+        session.add_step(narrowest.into()).unwrap();
+    }
+    loop {
+        counts.push(session.mask().count());
+        match session.other_answer(AnswerChange::Wider) {
+            Ok(wider) => session.add_step(wider.into()).unwrap(),
+            Err(error) => {
+                assert_eq!(error, SelectionError::NoAnswer(NoAnswer::Widest));
+                break;
+            }
+        };
+    }
+    let of_steps: Vec<usize> = answers.steps.iter().map(|i| answers.family[*i].gaussians).collect();
+    assert_eq!(counts, of_steps);
+    let (scene, _) = vessel_and_sac(6000, 3);
+    let mut fixed = SelectionSession::new(made(&scene, 300, WalkOptions::default()).0);
+    fixed.add_stroke(green).unwrap();
+    assert_eq!(fixed.other_answer(AnswerChange::Wider), Err(SelectionError::NoAnswer(NoAnswer::OneScale)));
 }
 
 #[test]

@@ -33,11 +33,11 @@ pub(super) struct Params {
     pub(super) neighbours: usize,
     /// Weight of features against distance.
     pub(super) compactness: f64,
-    /// ε of the leak to the background.
-    pub(super) leak: f64,
-    /// Whether creases weaken edges, and the first answer to a stroke chooses the leak until a step sets it. Clients that show
-    /// the leak of `State.tuning` then show another one than that of the first answer.
-    pub(super) every_scale: bool,
+    /// ε of a fixed leak to the background. It turns `every_scale` off, unless that is set too.
+    pub(super) leak: Option<f64>,
+    /// Whether creases weaken edges, and the first answer to a stroke chooses the leak until a step sets it. The default is
+    /// yes.
+    pub(super) every_scale: Option<bool>,
     /// Factor on σ_s.
     pub(super) sigma_s: f64,
     /// Factor on σ_f.
@@ -54,12 +54,21 @@ impl Default for Params {
             max_clusters: clustering.max_clusters,
             neighbours: geometry.neighbours,
             compactness: clustering.compactness,
-            leak: walk.leak,
-            every_scale: walk.every_scale,
+            leak: None,
+            every_scale: None,
             sigma_s: walk.sigma_s,
             sigma_f: walk.sigma_f,
             cache: None,
         }
+    }
+}
+
+impl Params {
+    /// Parameters of walks.
+    pub(super) fn walk_options(&self) -> WalkOptions {
+        let every_scale = self.every_scale.unwrap_or(self.leak.is_none());
+        let base = if every_scale { WalkOptions::every_scale() } else { WalkOptions::default() };
+        WalkOptions { leak: self.leak.unwrap_or(base.leak), sigma_s: self.sigma_s, sigma_f: self.sigma_f, ..base }
     }
 }
 

@@ -169,11 +169,6 @@ impl EliminationFamily {
         let Self { structure, leaks, terminals, numbers, valid, made } = self;
         let mut changed = vec![!std::mem::replace(valid, false); n];
         structure.update(seeds, leaking, terminals, &mut changed);
-        for k in 0..n {
-            if let Some(parent) = structure.fill.parent(k).filter(|_| changed[k]) {
-                changed[parent as usize] = true;
-            }
-        }
         *made = changed.iter().filter(|c| **c).count();
         let solutions = match numbers {
             Numbers::Together(groups) => {
@@ -206,26 +201,8 @@ impl Group {
 
     /// As `Columns::probabilities` for each lane.
     fn probabilities(&self, s: &Structure, seeds: &[Seed]) -> [Solution; WIDTH] {
-        let Columns { entry, foreground, background, total, .. } = &self.columns;
         let n = s.order.len();
-        let one = Lanes([1.0; WIDTH]);
-        let mut both = vec![[Lanes::ZERO; 2]; n];
-        for k in (0..n).rev() {
-            both[k] = match seeds[k] {
-                Seed::Foreground => [one, Lanes::ZERO],
-                Seed::Background => [Lanes::ZERO, one],
-                Seed::None => {
-                    let column = s.fill.column(k);
-                    let (mut f, mut b) = (foreground[k], background[k]);
-                    for (&j, &w) in s.fill.rows()[column.clone()].iter().zip(&entry[column]) {
-                        let [p, q] = both[j as usize];
-                        f = f + w * p;
-                        b = b + w * q;
-                    }
-                    [f / total[k], b / total[k]]
-                }
-            };
-        }
+        let both = self.columns.ends(s, seeds);
         from_fn(|lane| {
             let mut solution = Solution { p: vec![0.0; n], q: vec![0.0; n], reached: vec![false; n] };
             for (&u, [p, q]) in s.order.iter().zip(&both) {
