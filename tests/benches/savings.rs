@@ -21,6 +21,7 @@ use sg_scene::camera::Camera;
 use sg_scene::framing;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene};
+use sg_scene::tone::Tone;
 use sg_tests::bench::{argument, quantile};
 use sg_tests::shells::{Look, shells};
 
@@ -82,7 +83,13 @@ fn looks(scene: &Scene) -> Vec<(&'static str, Appearance)> {
     let plain = Appearance::of(scene);
     let n = scene.len();
     let third = Arc::new(Mask::from_fn(n, |i| i % 3 == 0));
-    let unit = UnitAppearance { mask: Arc::clone(&third), color: Some(Vec3::X), opacity: 0.8, visible: true };
+    let unit = UnitAppearance {
+        mask: Arc::clone(&third),
+        color: Some(Vec3::X),
+        opacity: 0.8,
+        visible: true,
+        tone: Tone::NEUTRAL,
+    };
     let overlay = Overlay { mask: third, color: Vec3::Y, mix: 0.6, opacity: 1.0 };
     let clip = Clip::plane(DVec3::ZERO, DVec3::X);
     vec![

@@ -161,6 +161,7 @@ impl AppearanceBuffers {
             opacity: u.opacity,
             colored: u32::from(u.color.is_some()),
             visible: u32::from(u.visible),
+            tone: Vec3::new(u.tone.saturation, u.tone.brightness, u.tone.temperature),
         });
         let mut generation = self.generation;
         if replace(&mut self.edit_table, edits) {

@@ -16,6 +16,7 @@ use sg_scene::affine::NormalTransform;
 use sg_scene::appearance::{Appearance, UnitAppearance};
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Scene};
+use sg_scene::tone::Tone;
 
 use crate::device::Gpu;
 use crate::resources::Resources;
@@ -156,7 +157,13 @@ impl SceneBuffers {
         let tint = |(unit, own, mask): &(usize, Vec3, Arc<Mask>)| {
             let palette = appearance.base.get(*unit)?.palette;
             let (mask, color) = (Arc::clone(mask), Some(palette));
-            (palette != *own).then_some(UnitAppearance { mask, color, opacity: 1.0, visible: true })
+            (palette != *own).then_some(UnitAppearance {
+                mask,
+                color,
+                opacity: 1.0,
+                visible: true,
+                tone: Tone::NEUTRAL,
+            })
         };
         let tints: Vec<UnitAppearance> = self.trained.iter().filter_map(tint).collect();
         (!tints.is_empty()).then(|| {

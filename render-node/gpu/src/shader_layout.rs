@@ -248,6 +248,8 @@ shared_structs! {
         /// Whether the color replaces those of the Gaussians.
         colored: u32,
         visible: u32,
+        /// Factors on saturation and brightness, and temperature.
+        tone: Vec3,
     }
 
     /// A half-space of a clip, relative to the origin of the stored centers.

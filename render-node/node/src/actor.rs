@@ -36,6 +36,7 @@ use sg_scene::camera::Camera;
 use sg_scene::camera_motion::scaled;
 use sg_scene::framing::{self, FirstView};
 use sg_scene::mask::Mask;
+use sg_scene::tone::Tone;
 use sg_viewer::display::{DisplayMode, colors_of};
 use sg_viewer::window::threads;
 use tokio::sync::watch;
@@ -511,7 +512,13 @@ fn alone(state: &EditState, names: &[String]) -> Result<Appearance, Fault> {
     }
     hidden.invert();
     let mut look = state.appearance();
-    look.units.push(UnitAppearance { mask: Arc::new(hidden), color: None, opacity: 1.0, visible: false });
+    look.units.push(UnitAppearance {
+        mask: Arc::new(hidden),
+        color: None,
+        opacity: 1.0,
+        visible: false,
+        tone: Tone::NEUTRAL,
+    });
     Ok(look)
 }
 

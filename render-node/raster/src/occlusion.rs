@@ -219,6 +219,7 @@ mod tests {
     use sg_scene::appearance::UnitAppearance;
     use sg_scene::mask::Mask;
     use sg_scene::synthetic::test_scene;
+    use sg_scene::tone::Tone;
 
     use super::*;
 
@@ -330,7 +331,7 @@ mod tests {
         };
         let walls = Arc::new(Mask::from_fn(scene.len(), |i| !floor(i)));
         let edit = |opacity, visible| {
-            let unit = UnitAppearance { mask: Arc::clone(&walls), color: None, opacity, visible };
+            let unit = UnitAppearance { mask: Arc::clone(&walls), color: None, opacity, visible, tone: Tone::NEUTRAL };
             Appearance { units: vec![unit], ..all.clone() }
         };
         let (closed, faded, open) = (mean(&all), mean(&edit(0.1, true)), mean(&edit(1.0, false)));

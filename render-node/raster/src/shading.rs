@@ -9,6 +9,7 @@ use sg_scene::appearance::{Appearance, BaseAppearance, ShadingTerm};
 use sg_scene::camera::LightMode;
 use sg_scene::model::{BaseUnit, ShadingColumns, ShadingModel};
 use sg_scene::recolor::{recolored, recolored_unlit};
+use sg_scene::tone::Tone;
 
 use crate::harmonics;
 use crate::report::Culled;
@@ -84,6 +85,15 @@ pub(crate) struct Look {
     pub(crate) opacity: f64,
 }
 
+/// What units make of the own colour of a Gaussian.
+#[derive(Debug, Clone, Copy)]
+struct Paint {
+    /// The colour that replaces it.
+    given: Option<DVec3>,
+    /// The change after that.
+    tone: Tone,
+}
+
 /// Shades the Gaussians of one base unit for one eye.
 pub(crate) struct UnitShader<'a> {
     unit: &'a BaseUnit,
@@ -133,21 +143,23 @@ impl<'a> UnitShader<'a> {
         }
         let mut replaced = self.unit.tint(self.base.palette);
         let mut factor = f64::from(self.base.opacity);
+        let mut tone = Tone::NEUTRAL;
         for edit in self.appearance.units.iter().filter(|u| u.mask.get(global)) {
             if !edit.visible {
                 return Err(Culled::Hidden);
             }
             factor *= f64::from(edit.opacity);
             replaced = edit.color.or(replaced);
+            tone = tone.and(edit.tone);
         }
-        let replaced = replaced.map(Vec3::as_dvec3);
+        let paint = Paint { given: replaced.map(Vec3::as_dvec3), tone };
         let logit = self.unit.gaussians.opacity_logit.get(i).copied().unwrap_or(f32::NAN);
         let mut opacity = (factor / (1.0 + (-f64::from(logit)).exp())).clamp(0.0, 1.0);
         let shown = self.appearance.colors.as_ref().map(|colors| colors.get(global).map(|c| c.as_dvec3()));
         let mut color = match (shown, &self.unit.gaussians.shading) {
             (Some(color), _) => color.filter(|c| c.is_finite()).map(|c| c.max(DVec3::ZERO)),
-            (None, Some(columns)) => self.lit(columns, i, position, replaced),
-            (None, None) => self.unlit(i, position, replaced),
+            (None, Some(columns)) => self.lit(columns, i, position, paint),
+            (None, None) => self.unlit(i, position, paint),
         }
         .ok_or(Culled::NotFinite)?;
         if let Some(overlay) = self.appearance.overlay.as_ref().filter(|o| o.mask.get(global)) {
@@ -163,7 +175,7 @@ impl<'a> UnitShader<'a> {
         }
     }
 
-    fn lit(&self, columns: &ShadingColumns, i: usize, position: DVec3, replaced: Option<DVec3>) -> Option<DVec3> {
+    fn lit(&self, columns: &ShadingColumns, i: usize, position: DVec3, paint: Paint) -> Option<DVec3> {
         let palette = self.base.palette.as_dvec3();
         let palette = match self.unit.shading {
             ShadingModel::Paper => palette,
@@ -176,10 +188,10 @@ impl<'a> UnitShader<'a> {
         };
         let column = |values: &[f32]| values.get(i).copied().map(f64::from);
         let surface = Surface {
-            diffuse_color: match replaced {
+            diffuse_color: paint.tone.of(match paint.given {
                 Some(color) => recolored(color, palette + columns.offset_color.get(i)?.as_dvec3(), palette),
                 None => palette + columns.offset_color.get(i)?.as_dvec3(),
-            },
+            }),
             normal: self.normals.apply(columns.normal.get(i)?.as_dvec3()),
             ambient: ka * occlusion * column(&columns.ambient)?,
             diffuse: kd * column(&columns.diffuse)?,
@@ -191,19 +203,19 @@ impl<'a> UnitShader<'a> {
     }
 
     /// A Gaussian without shading attributes has nothing to light: it looks the same under every light and term.
-    fn unlit(&self, i: usize, position: DVec3, replaced: Option<DVec3>) -> Option<DVec3> {
+    fn unlit(&self, i: usize, position: DVec3, paint: Paint) -> Option<DVec3> {
         let seen = |harmonics| {
             let away = position - self.eye;
             let direction = self.to_local.map_or(away, |m| m * away).normalize_or_zero();
             harmonics::color(harmonics, i, direction)
         };
-        let color = match (replaced, &self.unit.gaussians.harmonics) {
+        let color = match (paint.given, &self.unit.gaussians.harmonics) {
             (Some(color), Some(harmonics)) => recolored_unlit(color, seen(harmonics)?.max(DVec3::ZERO)),
             (None, Some(harmonics)) => seen(harmonics)?,
             (Some(color), None) => color,
             (None, None) => self.base.palette.as_dvec3(),
         };
-        color.is_finite().then(|| color.max(DVec3::ZERO))
+        color.is_finite().then(|| paint.tone.of(color.max(DVec3::ZERO)).max(DVec3::ZERO))
     }
 }
 

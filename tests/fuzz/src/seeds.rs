@@ -19,9 +19,9 @@ use sg_proto::prost::{Message as _, Name};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, NamedView, Orbit, Redo, RenameUnit,
-    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
-    SetView, SetVisibility, ShowOnly, Target, TransformGaussians, Undo, Vector,
+    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, MergeUnits, NamedView, Orbit,
+    PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight,
+    SetLock, SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Target, TransformGaussians, Undo, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -483,6 +483,21 @@ fn some_commands() -> Vec<Command> {
         }),
         Action::SetLock(SetLock { target: selection(), locked: true }),
         Action::Reset(Reset {}),
+        Action::MergeUnits(MergeUnits { units: vec!["a".to_owned(), "b".to_owned()], name: "c".to_owned() }),
+        Action::SetTone(SetTone {
+            target: selection(),
+            saturation: Some(0.5),
+            brightness: Some(1.5),
+            temperature: Some(-0.25),
+            relative: true,
+        }),
+        Action::TransformGaussians(TransformGaussians {
+            target: selection(),
+            towards: PatientSide::Anterior.into(),
+            distance: 5.0,
+            millimetres: true,
+            ..TransformGaussians::default()
+        }),
     ];
     let numbered = (1..).zip(actions);
     numbered.map(|(n, action)| Command { id: format!("c{n}"), expected_revision: 0, action: Some(action) }).collect()

@@ -4,9 +4,9 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, MeasureRequest, Placements,
-    RestoreGaussians, Select, SetBackground, SetColor, SetLock, SetOpacity, State, Target, TransformGaussians, Undo,
-    Vector,
+    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, MeasureRequest, MergeUnits,
+    Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLock, SetOpacity, SetTone, State,
+    Target, TransformGaussians, Undo, Vector,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -54,6 +54,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("takes back what it is told to", undo(stage).await);
     checks.note("deletes Gaussians and brings them back", deletes(stage).await);
     checks.note("moves, turns and scales what it is told to", moves(stage).await);
+    checks.note("merges units and changes tones", merges(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
     checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
@@ -172,6 +173,39 @@ async fn deletes(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::Undo(Undo { steps: 5 })).await?;
     let undone = stage.scene_state().await?;
     hold(of(&undone) == of(&before), || format!("undo left {:?}", of(&undone)))
+}
+
+async fn merges(stage: &mut Stage<'_>) -> Result<(), String> {
+    let of = |state: &State| {
+        let units = state.units.iter().map(|u| (u.name.clone(), u.count, u.tone.map(|tone| tone.saturation)));
+        units.collect::<Vec<_>>()
+    };
+    let before = of(&stage.scene_state().await?);
+    let mut counts = Vec::new();
+    for (part, name) in [("sac", "first part"), ("body", "second part")] {
+        stage.change(Action::Select(Select { target: named(part), operation: 0 })).await?;
+        stage.change(Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })).await?;
+        counts.push(stage.scene_state().await?.selection.map_or(0, |s| s.count));
+    }
+    let grey = SetTone { target: named("first part"), saturation: Some(0.5), ..SetTone::default() };
+    stage.change(Action::SetTone(grey)).await?;
+    let apart = of(&stage.scene_state().await?);
+    let units = vec!["first part".to_owned(), "second part".to_owned()];
+    stage.change(Action::MergeUnits(MergeUnits { units, name: "both".to_owned() })).await?;
+    let merged = of(&stage.scene_state().await?);
+    let made: Vec<_> = merged.iter().filter(|unit| !before.contains(unit)).cloned().collect();
+    let want = vec![("both".to_owned(), counts.iter().sum(), Some(0.5))];
+    hold(made == want && merged.len() == before.len() + 1, || format!("merged, the units are {merged:?}"))?;
+    stage.change(Action::Undo(Undo { steps: 1 })).await?;
+    let again = of(&stage.scene_state().await?);
+    hold(again == apart, || format!("one step back, the units are {again:?}, not {apart:?}"))?;
+    let id = stage.new_id();
+    let action = Some(Action::MergeUnits(MergeUnits { units: vec!["first part".to_owned()], name: String::new() }));
+    let refused = Question::of(&keys::SCENE_APPLY, &Command { id: id.clone(), expected_revision: 0, action });
+    refused_as(stage.put(&refused, &id).await, &[Code::InvalidArgument])?;
+    stage.change(Action::Undo(Undo { steps: 5 })).await?;
+    let undone = of(&stage.scene_state().await?);
+    hold(undone == before, || format!("undo left {undone:?}"))
 }
 
 async fn moves(stage: &mut Stage<'_>) -> Result<(), String> {

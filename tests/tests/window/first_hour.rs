@@ -289,6 +289,8 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
     window.key("ctrl+z");
     window.scene("they are back", |s| s.revision > deleted.revision && selected(s) == selected(&chosen)).await;
 
+    window.edit_by_words().await;
+
     let exported = window.export(selected(&chosen)).await;
     eprintln!("{}: {} exported", file.path, exported.display());
     window.export_by_words(selected(&chosen)).await;
@@ -338,6 +340,44 @@ impl Window<'_> {
         self.key("Escape");
         self.key("ctrl+z");
         self.scene("the first answer again", back(by_words.revision)).await;
+    }
+
+    /// Moves, turns, scales and recolours the named structure by words, merges it with a second one, and takes each back.
+    async fn edit_by_words(&self) {
+        let name = self.file.name;
+        let distance = if self.file.unit.is_some() { "5 mm" } else { "2 units" };
+        let made = |s: &State| (s.undo.clone(), s.units.clone());
+        let before = self.scene("the scene", |_| true).await;
+        for (sentence, reply, step) in [
+            (format!("move the {name} {distance} to the left"), format!("{distance} to the left"), "moved"),
+            (format!("turn the {name} by 30 degrees around z"), "30° around z".to_owned(), "turned"),
+            (format!("make the {name} twice as big"), "200 %".to_owned(), "scaled"),
+            (format!("make the {name} less saturated"), "50 % saturation".to_owned(), "saturation"),
+        ] {
+            let said = self.say(&sentence).await;
+            assert!(said.contains(&reply), "{said}");
+            let done = self.scene(&sentence, |s| s.undo.first().is_some_and(|line| line.contains(step))).await;
+            assert_eq!(done.undo.get(1..6), before.undo.get(..5), "{sentence}: one step");
+            self.picture(&format!("6-{step}")).await;
+            self.key("Escape");
+            self.key("ctrl+z");
+            self.scene("taken back", |s| made(s) == made(&before)).await;
+        }
+        // The selection under a second name, merged and taken apart again.
+        self.key("ctrl+s");
+        self.type_line("second").await;
+        self.scene("a second unit", |s| s.units.iter().any(|u| u.name == "second")).await;
+        let said = self.say(&format!("merge the {name} and the second as both")).await;
+        assert!(said.starts_with("Merged") && said.contains("both"), "{said}");
+        self.scene("one unit of two", |s| {
+            let names: Vec<&str> = s.units.iter().map(|u| u.name.as_str()).collect();
+            names.contains(&"both") && !names.contains(&name) && !names.contains(&"second")
+        })
+        .await;
+        self.key("Escape");
+        self.key("ctrl+z");
+        self.key("ctrl+z");
+        self.scene("the units of before", |s| made(s) == made(&before)).await;
     }
 
     /// Exports the selection by Ctrl+E and a typed path: a file that holds as many Gaussians.

@@ -124,6 +124,9 @@ fn raised(base: f32, exponent: f32) -> f32 {
     return pow(base, exponent);
 }
 
+// Tone::MOST in tone.rs.
+const MOST_TONE = 4.0;
+
 const BRIGHTNESS = vec3<f32>(0.2126, 0.7152, 0.0722);
 
 // Twin of recolored() in recolor.rs.
@@ -135,15 +138,39 @@ fn recolored(given: vec3<f32>, own: vec3<f32>, palette: vec3<f32>) -> vec3<f32> 
     return given;
 }
 
-fn lit(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
+// What editable units make of the own color of a Gaussian.
+struct Paint {
+    // The color that replaces it.
+    given: vec3<f32>,
+    replaced: bool,
+    // Factors on saturation and brightness, and temperature.
+    tone: vec3<f32>,
+}
+
+const NEUTRAL_TONE = vec3<f32>(1.0, 1.0, 0.0);
+
+// Twin of Tone::of() in tone.rs.
+fn toned(color: vec3<f32>, tone: vec3<f32>) -> vec3<f32> {
+    if all(tone == NEUTRAL_TONE) {
+        return color;
+    }
+    let warm = vec3(1.0 + 0.5 * tone.z, 1.0, 1.0 - 0.5 * tone.z);
+    let grey = vec3(dot(color, BRIGHTNESS));
+    return warm * (tone.y / dot(warm, BRIGHTNESS)) * (grey + tone.x * (color - grey));
+}
+
+fn lit(i: u32, global: u32, unit: Unit, paint: Paint, to_eye: vec3<f32>) -> vec3<f32> {
     let s = surface(i);
     let two_sided = unit.shading_model != SHADING_PAPER;
     var diffuse = unit.palette + s.offset;
     if two_sided {
         diffuse = clamp(unit.palette, vec3(0.0), vec3(1.0)) + s.offset;
     }
-    if replaced {
-        diffuse = recolored(given, diffuse, select(unit.palette, clamp(unit.palette, vec3(0.0), vec3(1.0)), two_sided));
+    if paint.replaced {
+        diffuse = recolored(paint.given, diffuse, select(unit.palette, clamp(unit.palette, vec3(0.0), vec3(1.0)), two_sided));
+    }
+    if MASKS {
+        diffuse = toned(diffuse, paint.tone);
     }
     var f = s.factors * unit.multipliers;
     if OCCLUDED {
@@ -174,28 +201,37 @@ fn lit(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, to_eye
     return clamp(color, vec3(0.0), vec3(1.0));
 }
 
-fn color_of(i: u32, global: u32, unit: Unit, replaced: bool, given: vec3<f32>, at: vec3<f32>, eye: vec3<f32>) -> vec3<f32> {
+fn color_of(i: u32, global: u32, unit: Unit, paint: Paint, at: vec3<f32>, eye: vec3<f32>) -> vec3<f32> {
     if COLORS {
         let color = colors[global];
         return vec3(color[0], color[1], color[2]);
     }
     if LIT && unit.color_source == COLOR_LIT {
-        return lit(i, global, unit, replaced, given, direction(eye - at));
+        return lit(i, global, unit, paint, direction(eye - at));
     }
     if DEGREE >= 0 && unit.color_source == COLOR_HARMONICS {
         let away = at - eye;
         let d = direction(unit.inverse[0] * away.x + unit.inverse[1] * away.y + unit.inverse[2] * away.z);
         let own = max(seen(i, d), vec3(0.0));
-        if replaced {
+        if paint.replaced {
             // Twin of recolored_unlit() in recolor.rs.
-            return max(given * clamp(0.5 + dot(own, BRIGHTNESS), 0.5, 1.5), vec3(0.0));
+            return unlit(paint.given * clamp(0.5 + dot(own, BRIGHTNESS), 0.5, 1.5), paint.tone);
         }
-        return own;
+        return unlit(own, paint.tone);
     }
-    if replaced {
-        return max(given, vec3(0.0));
+    if paint.replaced {
+        return unlit(paint.given, paint.tone);
     }
-    return max(unit.palette, vec3(0.0));
+    return unlit(unit.palette, paint.tone);
+}
+
+// The color of a Gaussian without shading columns.
+fn unlit(color: vec3<f32>, tone: vec3<f32>) -> vec3<f32> {
+    let own = max(color, vec3(0.0));
+    if MASKS {
+        return max(toned(own, tone), vec3(0.0));
+    }
+    return own;
 }
 
 fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
@@ -271,17 +307,22 @@ fn project_one(j: u32) {
     let kept = select(frame.kept_dilation, 0.0, unit.compensated == 1u);
 
     var opacity = center.opacity * unit.opacity;
-    var replaced = false;
-    var given = vec3(0.0);
+    var paint = Paint(vec3(0.0), false, NEUTRAL_TONE);
     var highlighted = false;
     if MASKS {
         for (var k = 0u; k < frame.edit_count; k++) {
             if in_mask(k, global) {
                 opacity *= edits[k].opacity;
                 if edits[k].colored == 1u {
-                    replaced = true;
-                    given = edits[k].color;
+                    paint.replaced = true;
+                    paint.given = edits[k].color;
                 }
+                // Twin of Tone::and() in tone.rs.
+                paint.tone = clamp(
+                    vec3(paint.tone.xy * edits[k].tone.xy, paint.tone.z + edits[k].tone.z),
+                    vec3(0.0, 0.0, -1.0),
+                    vec3(MOST_TONE, MOST_TONE, 1.0),
+                );
             }
         }
     }
@@ -302,7 +343,7 @@ fn project_one(j: u32) {
     var shared_color = vec3(0.0);
     let shares = frame.shared_shading == 1u;
     if shares {
-        shared_color = color_of(i, global, unit, replaced, given, center.position, frame.shading_eye);
+        shared_color = color_of(i, global, unit, paint, center.position, frame.shading_eye);
     }
     // Parallel eyes see every centre at one depth, so that one order serves both and neither pops against the other.
     var depth = 0.0;
@@ -331,7 +372,7 @@ fn project_one(j: u32) {
         }
         var color = shared_color;
         if !shares {
-            color = color_of(i, global, unit, replaced, given, center.position, view.eye);
+            color = color_of(i, global, unit, paint, center.position, view.eye);
         }
         if highlighted {
             color = max(mix(color, frame.highlight_color, frame.highlight_mix), vec3(0.0));

@@ -9,6 +9,7 @@ use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm, 
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene, ShadingModel};
+use sg_scene::tone::Tone;
 
 use crate::scenes::{
     Blob, any_rotation, around_the_eye, camera, cloud, fog, logit, scene, seeded, side_view, surface, uniform3, unit,
@@ -168,8 +169,24 @@ fn looks() -> Vec<Case> {
     }));
     list.push(Case::of("harmonics, recoloured", recolored, view()).with(|a| {
         let color = Some(Vec3::new(0.83, 0.24, 0.24));
-        a.units = vec![UnitAppearance { mask: all, color, opacity: 0.8, visible: true }];
+        a.units = vec![UnitAppearance { mask: all, color, opacity: 0.8, visible: true, tone: Tone::NEUTRAL }];
     }));
+    let tone = |saturation, brightness, temperature| Tone { saturation, brightness, temperature };
+    let toned = |n: usize| {
+        let plain =
+            |step, tone| UnitAppearance { mask: every(n, step), color: None, opacity: 1.0, visible: true, tone };
+        let red = Some(Vec3::new(0.83, 0.24, 0.24));
+        let painted = UnitAppearance { color: red, ..plain(5, tone(0.4, 1.3, -0.5)) };
+        // Where they overlap their tones are one.
+        vec![plain(2, tone(0.25, 1.4, 0.6)), plain(3, tone(2.5, 0.7, -0.3)), painted]
+    };
+    let trained = harmonics(3);
+    let units = toned(trained.len());
+    list.push(Case::of("harmonics, other tones", trained, view()).with(|a| a.units = units));
+    for (name, shading) in [("other tones", ShadingModel::Paper), ("other tones, two sides", ShadingModel::IvrgsTrain)]
+    {
+        list.push(model(name, shading).with(|a| a.units = toned(3000)));
+    }
     list
 }
 
@@ -448,6 +465,12 @@ fn every(n: usize, step: usize) -> Arc<Mask> {
 
 /// A red one, a faded one over part of it, a hidden one.
 fn overlapping_units() -> Vec<UnitAppearance> {
-    let unit = |step, color, opacity, visible| UnitAppearance { mask: every(3000, step), color, opacity, visible };
+    let unit = |step, color, opacity, visible| UnitAppearance {
+        mask: every(3000, step),
+        color,
+        opacity,
+        visible,
+        tone: Tone::NEUTRAL,
+    };
     vec![unit(2, Some(Vec3::X), 1.0, true), unit(3, None, 0.2, true), unit(7, None, 1.0, false)]
 }

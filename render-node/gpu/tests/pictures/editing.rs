@@ -9,6 +9,7 @@ use sg_scene::appearance::{Appearance, Clip, Overlay, PixelFilter, ShadingTerm, 
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Harmonics, Scene, ShadingModel};
+use sg_scene::tone::Tone;
 
 use crate::scenes::{Blob, camera, logit, scene, unit};
 
@@ -50,7 +51,7 @@ fn close(got: &[f32], want: &[f32]) {
 
 fn edit(mask: &[bool], color: Option<Vec3>, opacity: f32) -> UnitAppearance {
     let mask = Arc::new(Mask::from_fn(mask.len(), |i| mask[i]));
-    UnitAppearance { mask, color, opacity, visible: true }
+    UnitAppearance { mask, color, opacity, visible: true, tone: Tone::NEUTRAL }
 }
 
 #[test]

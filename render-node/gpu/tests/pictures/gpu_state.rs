@@ -13,6 +13,7 @@ use sg_scene::appearance::{Appearance, Clip, Overlay, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::tone::Tone;
 
 use crate::cases;
 use crate::scenes::{camera, cloud, crowd, scene, side_view, surface};
@@ -155,7 +156,13 @@ fn a_change_of_a_selection_sends_the_words_that_changed() {
     look.overlay = Some(highlight(mask.clone()));
     assert_eq!(picture(&mut renderer, &look), 16, "two words");
     // A unit takes the first slot; the highlight moves behind it.
-    let unit = |color| UnitAppearance { mask: Arc::new(mask.clone()), color, opacity: 0.5, visible: true };
+    let unit = |color| UnitAppearance {
+        mask: Arc::new(mask.clone()),
+        color,
+        opacity: 0.5,
+        visible: true,
+        tone: Tone::NEUTRAL,
+    };
     look.units = vec![unit(Some(Vec3::Y))];
     picture(&mut renderer, &look);
     look.units = vec![UnitAppearance { visible: false, ..unit(None) }];
@@ -309,7 +316,8 @@ fn a_renderer_shows_the_same_gaussians_elsewhere_as_a_new_one_does() {
     let (elsewhere, view) = (moved(&scene), [side_view(96, 64, 40.0)]);
     let hidden = Arc::new(Mask::from_fn(scene.len(), |i| i % 5 == 0));
     let mut look = Appearance::of(&scene);
-    look.units = vec![UnitAppearance { mask: hidden, color: Some(Vec3::X), opacity: 0.5, visible: true }];
+    look.units =
+        vec![UnitAppearance { mask: hidden, color: Some(Vec3::X), opacity: 0.5, visible: true, tone: Tone::NEUTRAL }];
     let mut renderer = Renderer::new(&gpu, &scene).unwrap();
     for settings in [with(Rasterizer::Tiles), with(Rasterizer::Quads)] {
         if settings.rasterizer != Rasterizer::Tiles && !renderer.blends_quads() {
@@ -365,7 +373,7 @@ fn a_recoloured_trained_splat_keeps_its_texture() {
     palette.base[0].palette = red;
     let mut unit = own.clone();
     let all = Arc::new(Mask::full(scene.len()));
-    unit.units = vec![UnitAppearance { mask: all, color: Some(red), opacity: 1.0, visible: true }];
+    unit.units = vec![UnitAppearance { mask: all, color: Some(red), opacity: 1.0, visible: true, tone: Tone::NEUTRAL }];
     let picture = |look: &Appearance| render(&scene, look, &view, Exact).unwrap().image;
     let (own, palette, unit) = (picture(&own), picture(&palette), picture(&unit));
     assert_eq!(palette, unit, "a palette and a unit's colour do the same");

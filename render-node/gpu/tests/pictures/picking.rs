@@ -9,6 +9,7 @@ use sg_scene::appearance::{Appearance, Clip, UnitAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::tone::Tone;
 
 use crate::scenes::{Blob, camera, cloud, logit, scene, side_view, surface};
 
@@ -29,7 +30,7 @@ fn by_pictures(
     let coverage = |shown: &dyn Fn(usize) -> bool| {
         let mask = Arc::new(Mask::from_fn(scene.len(), |i| !shown(i)));
         let mut look = look.clone();
-        look.units.push(UnitAppearance { mask, color: None, opacity: 1.0, visible: false });
+        look.units.push(UnitAppearance { mask, color: None, opacity: 1.0, visible: false, tone: Tone::NEUTRAL });
         render(scene, &look, &one, options).unwrap().image.pixel(0, 0).unwrap()[3]
     };
     // Colours that count: each Gaussian alone in white over the others in black tells its share T·α. The shares of those in front
@@ -158,6 +159,7 @@ fn hidden_gaussians_are_not_hit() {
         color: None,
         opacity,
         visible,
+        tone: Tone::NEUTRAL,
     };
     for projection in BOTH {
         assert_eq!(front(&plain, projection), Some(0));

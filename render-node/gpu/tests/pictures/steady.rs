@@ -15,6 +15,7 @@ use sg_scene::camera::Camera;
 use sg_scene::framing;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::tone::Tone;
 
 use crate::allocations::{Allocations, during};
 use crate::scenes;
@@ -42,7 +43,13 @@ fn look(scene: &Scene, frame: usize) -> Appearance {
     for unit in 0..frame / 50 % 11 {
         let color = Some(Vec3::new((frame % 7) as f32 / 7.0, unit as f32 / 10.0, 0.5));
         let [from, to] = [unit, unit + 1].map(|k| n * k / 10);
-        look.units.push(UnitAppearance { mask: mask(from, to), color, opacity: 0.8, visible: unit != 3 });
+        look.units.push(UnitAppearance {
+            mask: mask(from, to),
+            color,
+            opacity: 0.8,
+            visible: unit != 3,
+            tone: Tone::NEUTRAL,
+        });
     }
     for clip in 0..frame / 30 % 4 {
         let at = scene.bounds.min.lerp(scene.bounds.max, 0.05 * clip as f64 + 0.001 * (frame % 30) as f64);

@@ -8,6 +8,7 @@ use sg_edit::Replica;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::launch::OpenFailed;
+use sg_proto::scene::State;
 use sg_proto::selection::Preview;
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Subscription};
@@ -32,12 +33,19 @@ const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// Tries of a service that takes in a revision later, and their period.
 const SOON: u32 = 20;
 const SOON_AFTER: Duration = Duration::from_millis(25);
+/// First pause before a late or missing answer about the steps of undo is asked for again.
+const FIRST_RETRY: Duration = Duration::from_millis(50);
 
 /// Begins to follow everything.
 pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer: &StateWriter) -> Result<(), BusError> {
     let bus = host.bus();
     let previews = preview::follow(bus).await?;
-    tokio::spawn(history(bus.clone(), replica.receiver(), writer.clone()));
+    let asked = bus.clone();
+    let ask = move || {
+        let bus = asked.clone();
+        async move { bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await.ok() }
+    };
+    tokio::spawn(history(ask, replica.receiver(), writer.clone()));
     tokio::spawn(scene(replica.receiver(), previews, writer.clone()));
     tokio::spawn(answers(bus.clone(), replica.receiver(), writer.clone()));
     let liveliness = bus.watch_liveliness(QUEUE).await?;
@@ -82,19 +90,25 @@ async fn scene(
 
 /// The undo and redo steps, published with the scene's state alone. It runs as a separate task, so that a silent scene does
 /// not delay a preview.
-async fn history(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>>, writer: StateWriter) {
+async fn history<A: Future<Output = Option<State>>>(
+    ask: impl Fn() -> A,
+    mut revisions: watch::Receiver<SceneRevision<Replica>>,
+    writer: StateWriter,
+) {
+    let mut pause = FIRST_RETRY;
     loop {
         let revision = revisions.borrow_and_update().replica.state().revision();
-        let newest = bus.newest(&keys::SCENE_STATE, &Context::root().deadline_in(TIMEOUT)).await;
-        let is_new = newest.as_ref().is_ok_and(|newest| newest.revision >= revision);
-        if let Some(newest) = newest.ok().filter(|_| is_new) {
-            writer.update(|state| (state.undo, state.redo) = (newest.undo.into(), newest.redo.into()));
+        let newest = ask().await.filter(|newest| newest.revision >= revision);
+        let is_new = newest.is_some();
+        if let Some(State { revision, undo, redo, .. }) = newest {
+            writer.update(|state| (state.steps_at, state.undo, state.redo) = (revision, undo.into(), redo.into()));
         }
-        // Without an answer, or with an older one, the shown steps are stale until another answer comes.
+        pause = if is_new { FIRST_RETRY } else { RETRY_AFTER.min(2 * pause) };
+        // Without an answer, or with an older one, no step is shown until another answer comes.
         let changed = if is_new {
             revisions.changed().await
         } else {
-            tokio::time::timeout(RETRY_AFTER, revisions.changed()).await.unwrap_or(Ok(()))
+            tokio::time::timeout(pause, revisions.changed()).await.unwrap_or(Ok(()))
         };
         if changed.is_err() {
             return;
@@ -237,4 +251,84 @@ fn on(writer: &StateWriter, context: &Context, what: impl FnOnce(&mut Conversati
         return;
     }
     writer.update(|state| what(Arc::make_mut(&mut state.conversation), &context.conversation));
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+    use std::sync::Mutex;
+
+    use sg_edit::{EditState, Editor};
+    use sg_proto::replica::Replica as _;
+    use sg_proto::scene::command::Action;
+    use sg_proto::scene::{Color, Command, SetColor, Target};
+    use sg_scene::synthetic::test_scene;
+    use sg_viewer::display::{ViewPort, ViewState};
+
+    use super::scene as scene_task;
+    use super::*;
+
+    fn paint(editor: &mut Editor, name: &str, red: f32) -> sg_proto::scene::Event {
+        let target = Some(Target { units: vec![name.to_owned()], ..Target::default() });
+        let action = Action::SetColor(SetColor { target, color: Some(Color { red, green: 0.0, blue: 0.0 }) });
+        let command = Command { id: format!("{name} {red}"), expected_revision: 0, action: Some(action) };
+        editor.apply(&command).unwrap().event
+    }
+
+    async fn until(writer: &StateWriter, holds: impl Fn(&ViewState) -> bool) {
+        let waited = async {
+            while !holds(&writer.newest()) {
+                tokio::time::sleep(Duration::from_millis(2)).await;
+            }
+        };
+        tokio::time::timeout(Duration::from_secs(10), waited).await.unwrap();
+    }
+
+    /// An answer that came late, of an earlier revision, once stayed on the undo button until the next change.
+    #[tokio::test]
+    async fn no_step_of_an_earlier_revision_is_shown_however_late_the_answer() {
+        let scene = Arc::new(test_scene(&[("bone", 5), ("skin", 7)]));
+        let opened = EditState::of_scene(&scene, "scene.toml", "hash");
+        let mut editor = Editor::new(Arc::clone(&scene), opened.clone());
+        let mut replica = Replica::new(opened);
+        let first = paint(&mut editor, "bone", 1.0);
+        replica.apply(&first).unwrap();
+        let of = |replica: &Replica| SceneRevision { replica: Arc::new(replica.clone()), context: Context::root() };
+        let (sender, revisions) = watch::channel(of(&replica));
+        let (_port, backend) = ViewPort::new(ViewState::of(Arc::clone(replica.state())));
+        let writer = backend.writer;
+        let told = |editor: &Editor| Some(editor.message(false));
+        let answers = Arc::new(Mutex::new(VecDeque::from([told(&editor)])));
+        let asked = Arc::clone(&answers);
+        // No answer is left: none comes.
+        let ask = move || {
+            let answer = asked.lock().unwrap().pop_front().flatten();
+            async move { answer }
+        };
+        let (_previews, no_previews) = watch::channel(None);
+        tokio::spawn(history(ask, revisions.clone(), writer.clone()));
+        tokio::spawn(scene_task(revisions, no_previews, writer.clone()));
+        until(&writer, |state| state.undo_step().is_some_and(|step| step == "coloured bone #ff0000")).await;
+
+        // The answer about the next revision is of the one before, then none comes, then one of two revisions later.
+        let late = told(&editor);
+        let second = paint(&mut editor, "skin", 0.5);
+        let third = paint(&mut editor, "bone", 0.25);
+        answers.lock().unwrap().extend([late, None]);
+        replica.apply(&second).unwrap();
+        sender.send_replace(of(&replica));
+        until(&writer, |state| state.scene.revision() == 2).await;
+        for _ in 0..20 {
+            let state = writer.newest();
+            assert_eq!((state.undo_step(), state.knows_steps()), (None, false), "{:?}", state.undo);
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        answers.lock().unwrap().push_back(told(&editor));
+        until(&writer, |state| state.undo_step().is_some_and(|step| step == "coloured bone #400000")).await;
+        // The missed revision comes after its steps: they stay.
+        replica.apply(&third).unwrap();
+        sender.send_replace(of(&replica));
+        until(&writer, |state| state.scene.revision() == 3).await;
+        assert_eq!(writer.newest().undo_step().map(String::as_str), Some("coloured bone #400000"));
+    }
 }

@@ -25,6 +25,8 @@ pub struct ViewState {
     pub undo: Arc<[String]>,
     /// Steps of redo, next first.
     pub redo: Arc<[String]>,
+    /// Revision of the scene that `undo` and `redo` belong to; see [`ViewState::knows_steps`].
+    pub steps_at: u64,
     /// The selection: committed, or soon durable, or as if the stroke under way ended now.
     pub selected: Arc<Mask>,
     /// Whether `selected` is more than the scene has committed.
@@ -53,6 +55,7 @@ impl ViewState {
     pub fn of(scene: Arc<EditState>) -> Self {
         Self {
             selected: Arc::clone(scene.selection().mask()),
+            steps_at: scene.revision(),
             scene,
             undo: Arc::default(),
             redo: Arc::default(),
@@ -66,6 +69,25 @@ impl ViewState {
             services: ServiceAvailability::default(),
             notices: Arc::default(),
         }
+    }
+
+    /// Whether `undo` and `redo` are those of the shown scene. Until their answer comes they may be of an earlier revision, and a
+    /// label would name a step that undo does not take back.
+    #[must_use]
+    pub fn knows_steps(&self) -> bool {
+        self.steps_at >= self.scene.revision()
+    }
+
+    /// The change that undo takes back, as far as it is known.
+    #[must_use]
+    pub fn undo_step(&self) -> Option<&String> {
+        self.undo.first().filter(|_| self.knows_steps())
+    }
+
+    /// The change that redo brings back, as far as it is known.
+    #[must_use]
+    pub fn redo_step(&self) -> Option<&String> {
+        self.redo.first().filter(|_| self.knows_steps())
     }
 
     /// Parameters of the last walk or of its current trial. `None` without a walk, or without a service that can repeat it

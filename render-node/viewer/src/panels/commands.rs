@@ -6,7 +6,8 @@ use sg_edit::wire::{encode_axis, encode_color, encode_mask};
 use sg_edit::{EditError, EditState, Part};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    CommitSelection, DeleteGaussians, SetColor, SetLock, SetOpacity, SetView, SetVisibility, ShowOnly, Target, set_view,
+    CommitSelection, DeleteGaussians, MergeUnits, SetColor, SetLock, SetOpacity, SetTone, SetView, SetVisibility,
+    ShowOnly, Target, set_view,
 };
 use sg_scene::orientation::Axis;
 
@@ -32,6 +33,16 @@ pub(super) fn set_color(name: &str, rgb: Option<Vec3>) -> Action {
 /// A unit's factor on the opacity.
 pub(super) fn set_opacity(name: &str, factor: f32) -> Action {
     Action::SetOpacity(SetOpacity { target: Some(unit(name)), factor, relative: false })
+}
+
+/// Terms of a unit's tone; absent ones stay.
+pub(super) fn set_tone(name: &str, terms: &SetTone) -> Action {
+    Action::SetTone(SetTone { target: Some(unit(name)), ..terms.clone() })
+}
+
+/// Merges units into the first one, or into a new one of this name.
+pub(super) fn merge(units: Vec<String>, name: String) -> Action {
+    Action::MergeUnits(MergeUnits { units, name })
 }
 
 /// Shows or hides.

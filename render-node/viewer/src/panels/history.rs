@@ -17,20 +17,21 @@ impl Panels {
     /// Undo and redo by one step, with a description of the step.
     pub(super) fn steps_back(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         ui.horizontal(|ui| {
-            let step = |ui: &mut Ui, text: &str, lines: &[String]| {
-                let response = ui.add_enabled(!lines.is_empty(), Button::new(text));
-                match lines.first() {
+            let step = |ui: &mut Ui, text: &str, enabled: bool, first: Option<&String>| {
+                let response = ui.add_enabled(enabled, Button::new(text));
+                match first {
                     Some(first) => response.on_hover_text(capital(first)).clicked(),
-                    None => false,
+                    None => response.clicked(),
                 }
             };
-            if step(ui, "undo", &state.undo) {
+            // The scene knows its steps, also before their names are known here.
+            if step(ui, "undo", !state.undo.is_empty() || !state.knows_steps(), state.undo_step()) {
                 output.change(Action::Undo(Undo { steps: 1 }));
             }
-            if step(ui, "redo", &state.redo) {
+            if step(ui, "redo", !state.redo.is_empty(), state.redo_step()) {
                 output.change(Action::Redo(Redo { steps: 1 }));
             }
-            if let Some(last) = state.undo.first() {
+            if let Some(last) = state.undo_step() {
                 ui.add(Label::new(RichText::new(capital(last)).weak()).truncate());
             }
         });
@@ -38,7 +39,12 @@ impl Panels {
 
     /// Both lists, newest first: a line takes back or brings back all down to itself.
     pub(super) fn history(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
-        if state.undo.is_empty() && state.redo.is_empty() {
+        // A line goes as far as itself: in a list of an earlier revision that would be another step.
+        let (undo, redo): (&[String], &[String]) =
+            if state.knows_steps() { (&state.undo, &state.redo) } else { (&[], &[]) };
+        if !state.knows_steps() {
+            ui.label(RichText::new("The steps are being read …").weak());
+        } else if undo.is_empty() && redo.is_empty() {
             ui.label(RichText::new("Nothing has been changed yet.").weak());
         }
         let list = |ui: &mut Ui, title: &str, verb: &str, lines: &[String]| {
@@ -62,10 +68,10 @@ impl Panels {
             }
             steps
         };
-        if let Some(steps) = list(ui, "Undone, next first", "redo", &state.redo) {
+        if let Some(steps) = list(ui, "Undone, next first", "redo", redo) {
             output.change(Action::Redo(Redo { steps }));
         }
-        if let Some(steps) = list(ui, "Done, newest first", "undo", &state.undo) {
+        if let Some(steps) = list(ui, "Done, newest first", "undo", undo) {
             output.change(Action::Undo(Undo { steps }));
         }
         let reset = ui.button("reset all looks");

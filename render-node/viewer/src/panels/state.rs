@@ -25,6 +25,8 @@ pub struct Panels {
     pub numbers: Option<attributes::Legend>,
     pub(super) curves: Vec<Option<Curve>>,
     pub(super) chosen: Option<UnitRef>,
+    /// Further units that a merge takes, in the order in which they were pressed.
+    pub(super) joined: Vec<UnitRef>,
     pub(super) held: Option<ActiveEdit>,
     pub(super) text_input: TextInput,
     /// Name of the panel that is being drawn.

@@ -6,6 +6,7 @@ use sg_edit::UnitRef;
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation};
+use sg_scene::tone::Tone;
 
 use super::control::{Number, bare_slider, button_width, cell, icon, scale, section};
 use super::icon::Icon;
@@ -34,6 +35,7 @@ struct Row {
     opacity: f32,
     visible: bool,
     locked: bool,
+    tone: Tone,
 }
 
 /// How the line of a unit uses its width, points.
@@ -114,6 +116,7 @@ impl Panels {
                 opacity: base.opacity,
                 visible: base.visible,
                 locked: base.locked,
+                tone: base.tone,
             };
             self.row(ui, state, &row, output);
         }
@@ -129,6 +132,7 @@ impl Panels {
                 opacity: unit.opacity,
                 visible: unit.visible,
                 locked: unit.locked,
+                tone: unit.tone,
             };
             self.row(ui, state, &row, output);
         }
@@ -193,13 +197,19 @@ impl Panels {
         let chosen = self.chosen == Some(row.unit);
         let size = vec2(layout.name, ui.spacing().interact_size.y);
         let text = if row.visible { RichText::new(&row.name) } else { RichText::new(&row.name).weak() };
-        let button = Button::new(text).selected(chosen).truncate().min_size(size).frame_when_inactive(chosen);
+        let marked = chosen || self.joined.contains(&row.unit);
+        let button = Button::new(text).selected(marked).truncate().min_size(size).frame_when_inactive(marked);
         let shape = egui::Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
         let mut response = ui.allocate_ui_with_layout(size, shape, |ui| ui.add(button)).inner;
         if layout.is_name_cut {
             response = response.on_hover_text(&row.name);
         }
         if response.clicked() {
+            if self.chosen.is_some() && ui.input(|i| i.modifiers.command) {
+                self.join(row.unit);
+                return;
+            }
+            self.joined.clear();
             self.chosen = if chosen { None } else { Some(row.unit) };
             self.renaming = None;
             self.text_input.forget(Field::NewName);
@@ -274,12 +284,14 @@ impl Panels {
             return;
         }
         self.pick(ui, row, output);
+        self.merge_button(ui, &state.scene, output);
         ui.add_enabled_ui(free, |ui| {
             let mut opacity = f64::from(row.opacity);
             let number = Number { name: "opacity factor", range: 0.0..=2.0, logarithmic: false, text: percent };
             if number.show(ui, &mut opacity) {
                 self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
+            self.tone(ui, &row.name, row.tone, output);
             if let UnitRef::Editable(id) = row.unit {
                 self.name_or_delete(ui, row, id, output);
             }

@@ -413,11 +413,16 @@ impl Interaction {
             lines.push((one, format!("next mode: {}", tools.mode.next().name())));
         }
         if state.services.scene {
-            let line = |what: &str, lines: &[String]| match lines.first() {
+            let line = |what: &str, step: Option<&String>, lines: &[String]| match step {
                 Some(line) => format!("{what} {line}"),
-                None => format!("nothing to {what}"),
+                None if lines.is_empty() && state.knows_steps() => format!("nothing to {what}"),
+                None => what.to_owned(),
             };
-            lines.push(if adds { (two, line("undo", &state.undo)) } else { (one, line("redo", &state.redo)) });
+            lines.push(if adds {
+                (two, line("undo", state.undo_step(), &state.undo))
+            } else {
+                (one, line("redo", state.redo_step(), &state.redo))
+            });
         }
         if !adds {
             let moves = match tools.locomotion {

@@ -350,6 +350,7 @@ fn same(a: &ViewState, b: &ViewState) -> bool {
     use std::sync::Arc;
     Arc::ptr_eq(&a.scene, &b.scene)
         && Arc::ptr_eq(&a.undo, &b.undo)
+        && a.steps_at == b.steps_at
         && Arc::ptr_eq(&a.redo, &b.redo)
         && Arc::ptr_eq(&a.selected, &b.selected)
         && Arc::ptr_eq(&a.conversation, &b.conversation)

@@ -31,6 +31,7 @@ mod overlay;
 mod picture_request;
 mod polygon;
 mod polygon_view;
+mod press;
 mod progress_window;
 mod recent_files;
 mod round_length;

@@ -73,6 +73,7 @@ mod tests {
     use sg_scene::appearance::UnitAppearance;
     use sg_scene::mask::Mask;
     use sg_scene::synthetic::test_scene;
+    use sg_scene::tone::Tone;
 
     use super::*;
 
@@ -98,7 +99,7 @@ mod tests {
         look.base[0].palette = glam::Vec3::X;
         let mask = Arc::new(Mask::from_fn(500, |i| i < 250));
         assert!(Arc::ptr_eq(&first, &newest(&mut worker, &scene, &look).unwrap()));
-        look.units = vec![UnitAppearance { mask, color: None, opacity: 1.0, visible: false }];
+        look.units = vec![UnitAppearance { mask, color: None, opacity: 1.0, visible: false, tone: Tone::NEUTRAL }];
         let half = newest(&mut worker, &scene, &look).unwrap();
         let sum = |factors: &[f32]| factors.iter().sum::<f32>();
         assert!(sum(&half) > sum(&first), "what is hidden gives no shadow");

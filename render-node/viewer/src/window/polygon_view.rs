@@ -1,9 +1,10 @@
 //! The polygon under way on the window's picture: its corners by the mouse and the keys, and its lines.
 
-use egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Response, Stroke, Ui};
+use egui::{Color32, Key, Modifiers, Pos2, Rect, Response, Stroke, Ui};
 
 use super::mouse_tool::MouseTool;
 use super::polygon::{CLOSE, HINT};
+use super::press::Press;
 use super::scene_view::SceneView;
 use crate::display::{BrushSign, Request, Tools, ViewState};
 use crate::panels::theme::color_of;
@@ -36,27 +37,19 @@ impl SceneView {
             self.polygon.clear();
             return;
         }
-        // Each press counts by itself: a slow frame takes both of a double click.
-        let press = |event: &Event| match event {
-            Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => Some(*pos),
-            _ => None,
-        };
-        let (presses, down, at): (Vec<Pos2>, bool, Option<Pos2>) = ui.input(|i| {
-            (i.events.iter().filter_map(press).collect(), i.pointer.primary_down(), i.pointer.interact_pos())
-        });
-        let here = (response.is_pointer_button_down_on() || response.hovered()) && !alt;
+        let Press { presses, is_down, at } = Press::of(ui, response, alt);
         let mut closed = std::mem::take(&mut self.polygon.is_closed);
         if presses.is_empty() {
             if let (Some(at), Some(last)) = (at, self.polygon.corners.last_mut())
                 && self.polygon.is_held
-                && down
+                && is_down
             {
                 *last = at;
             }
-        } else if here {
-            closed |= presses.into_iter().filter(|at| response.rect.contains(*at)).any(|at| self.polygon.press(at));
+        } else {
+            closed |= presses.into_iter().any(|at| self.polygon.press(at));
         }
-        self.polygon.is_held &= down;
+        self.polygon.is_held &= is_down;
         if closed && self.polygon.corners.len() >= 3 {
             let corners = std::mem::take(&mut self.polygon).corners;
             requests.push(self.select_within(response.rect, &corners, sign, tools));

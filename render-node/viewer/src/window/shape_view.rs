@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 use sg_proto::scene::Combine;
 
 use super::mouse_tool::MouseTool;
+use super::press::Press;
 use super::scene_lines::LineStyle;
 use super::scene_view::SceneView;
 use super::shape_tool::{BUTTONS, Drag, LEAST_DRAG, Reach, Shape, distance_from_sight};
@@ -34,14 +35,9 @@ impl SceneView {
             self.shape_tool.clear();
         }
         let bounds = self.scene.bounds;
-        let (pressed, down, at) =
-            ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down(), i.pointer.interact_pos()));
-        let here = response.is_pointer_button_down_on() || (pressed && response.hovered());
-        if pressed
-            && here
-            && !alt
-            && bounds.longest_edge() > 0.0
-            && let Some(press) = at
+        let Press { presses, is_down, at } = Press::of(ui, response, alt);
+        if bounds.longest_edge() > 0.0
+            && let Some(press) = presses.last().copied()
             && let Some(centre) = self.front_at(response.rect, press)
         {
             let before = self.shape_tool.shape;
@@ -62,7 +58,7 @@ impl SceneView {
                 let reach = if is_box { Reach::HalfEdges(DVec3::splat(reach)) } else { Reach::Radius(reach) };
                 self.shape_tool.shape = Some(Shape { centre, reach });
             }
-            if !down {
+            if !is_down {
                 self.shape_tool.drag = None;
                 if !is_click {
                     let combine = if sign == BrushSign::Add { Combine::Add } else { Combine::Remove };

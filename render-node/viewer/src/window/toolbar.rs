@@ -58,7 +58,8 @@ impl WindowUi {
             }
             ui.separator();
             let buttons = [
-                (Action::Undo, "undo", state.services.scene, !state.undo.is_empty()),
+                // The scene knows its steps, also before their names are known here.
+                (Action::Undo, "undo", state.services.scene, !state.undo.is_empty() || !state.knows_steps()),
                 (Action::Redo, "redo", state.services.scene, !state.redo.is_empty()),
                 (Action::Fit, "fit", true, true),
                 (Action::Stereo, "stereo", true, true),
@@ -69,8 +70,8 @@ impl WindowUi {
             ];
             for (action, name, services, enabled) in buttons {
                 let does = match action {
-                    Action::Undo => explained(action, state.undo.first()),
-                    Action::Redo => explained(action, state.redo.first()),
+                    Action::Undo => explained(action, state.undo_step()),
+                    Action::Redo => explained(action, state.redo_step()),
                     _ => explained(action, None),
                 };
                 let button = |ui: &mut Ui| labelled_button(ui, (icon_of(action), name, short), false, &does);

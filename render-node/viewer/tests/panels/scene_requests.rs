@@ -6,8 +6,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Color, DeleteUnit, LightMode, NamedView, Redo, RenameUnit, Reset, Select, SetBackground, SetColor, SetLight,
-    SetLock, SetOperation, SetTerm, SetView, SetVisibility, ShadingTerm, ShowOnly, Target, Undo, Vector, set_view,
+    Color, DeleteUnit, LightMode, MergeUnits, NamedView, Redo, RenameUnit, Reset, Select, SetBackground, SetColor,
+    SetLight, SetLock, SetOperation, SetTerm, SetView, SetVisibility, ShadingTerm, ShowOnly, Target, Undo, Vector,
+    set_view,
 };
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::color_map::ColorMap;
@@ -238,6 +239,99 @@ fn viewpoints_and_requests_handled_by_the_display() {
     }
     let actions: Vec<_> = panel.state().asked.iter().flat_map(|o| o.actions.clone()).collect();
     assert_eq!(actions, [DisplayAction::Fit, DisplayAction::Bookmark, DisplayAction::Place(1)]);
+}
+
+#[test]
+fn a_structure_gets_a_tone_of_its_own_and_the_file_s_again() {
+    let mut panel = scene();
+    press(&mut panel, "sac");
+    assert!(panel.query_by_label("saturation").is_none(), "folded while nothing is changed");
+    press(&mut panel, "Colours");
+    let frames = drag(&mut panel, "saturation", 0.1);
+    let [Action::SetTone(tone)] = &changes(&frames)[..] else { panic!("{frames:?}") };
+    assert!(tone.saturation.is_some_and(|s| s < 0.5) && tone.brightness.is_none() && tone.temperature.is_none());
+    assert_eq!((&tone.target, tone.relative), (&named("sac"), false));
+    let frames = drag(&mut panel, "brightness", 0.9);
+    assert!(
+        matches!(&changes(&frames)[..], [Action::SetTone(t)] if t.brightness.is_some_and(|b| b > 1.5)),
+        "{frames:?}"
+    );
+    let frames = drag(&mut panel, "temperature", 0.9);
+    assert!(
+        matches!(&changes(&frames)[..], [Action::SetTone(t)] if t.temperature.is_some_and(|t| t > 0.5)),
+        "{frames:?}"
+    );
+    let toned = panel.state().shown.scene.after(&crate::stage::scene(), Action::SetTone(tone.clone())).unwrap();
+    panel.state_mut().shown.scene = Arc::new(toned);
+    panel.run();
+    let Action::SetTone(back) = asks(&mut panel, "as in the file") else { panic!() };
+    assert_eq!((back.saturation, back.brightness, back.temperature), (Some(1.0), Some(1.0), Some(0.0)));
+}
+
+#[test]
+fn units_that_are_pressed_with_ctrl_become_one() {
+    let mut panel = scene();
+    press(&mut panel, "neck");
+    assert!(panel.query_by_label("Merge 2 units").is_none());
+    let ctrl = |panel: &mut Harness<'_, Stage>, label: &str| {
+        let place = panel.get_by_label(label).rect().center();
+        panel.hover_at(place);
+        for pressed in [true, false] {
+            panel.event_modifiers(
+                egui::Event::PointerButton {
+                    pos: place,
+                    button: egui::PointerButton::Primary,
+                    pressed,
+                    modifiers: egui::Modifiers::COMMAND,
+                },
+                egui::Modifiers::COMMAND,
+            );
+        }
+        panel.run();
+    };
+    ctrl(&mut panel, "vessel");
+    ctrl(&mut panel, "sac");
+    let merge = |units: &[&str], name: &str| {
+        let units = units.iter().map(|n| (*n).to_owned()).collect();
+        Action::MergeUnits(MergeUnits { units, name: name.to_owned() })
+    };
+    // A unit of the file keeps its Gaussians: the first saved one takes all.
+    assert_eq!(asks(&mut panel, "Merge 3 units"), merge(&["neck", "sac", "vessel"], ""));
+    assert!(panel.query_by_label("Merge 3 units").is_none(), "the next merge begins anew");
+    press(&mut panel, "neck");
+    press(&mut panel, "tissue");
+    ctrl(&mut panel, "vessel");
+    assert_eq!(asks(&mut panel, "Merge 2 units"), merge(&["tissue", "vessel"], "tissue + vessel"));
+    ctrl(&mut panel, "vessel");
+    ctrl(&mut panel, "vessel");
+    assert!(panel.query_by_label("Merge 2 units").is_none(), "a second press takes it out");
+    // Nobody presses what would be refused.
+    ctrl(&mut panel, "vessel");
+    let lock = Action::SetLock(SetLock { target: named("vessel"), locked: true });
+    let locked = panel.state().shown.scene.after(&crate::stage::scene(), lock).unwrap();
+    panel.state_mut().shown.scene = Arc::new(locked);
+    panel.run();
+    panel.state_mut().asked.clear();
+    press(&mut panel, "Merge 2 units");
+    assert!(changes(&panel.state().asked).is_empty());
+}
+
+#[test]
+fn no_step_of_an_earlier_revision_is_named_or_pressed() {
+    let mut panel = scene();
+    press(&mut panel, "History");
+    let hide = Action::SetVisibility(SetVisibility { target: named("tissue"), visible: false });
+    let mut later = (*panel.state().shown.scene).clone();
+    later = later.after(&crate::stage::scene(), hide).unwrap();
+    panel.state_mut().shown.scene = Arc::new(later);
+    panel.run();
+    assert!(panel.query_by_label("Coloured sac #0072b2").is_none() && panel.query_by_label("Hid tissue").is_none());
+    assert!(panel.query_by_label_contains("neck: 80 Gaussians").is_none());
+    assert_eq!(asks(&mut panel, "undo"), Action::Undo(Undo { steps: 1 }), "the scene knows its steps");
+    let revision = panel.state().shown.scene.revision();
+    panel.state_mut().shown.steps_at = revision;
+    panel.run();
+    assert!(panel.query_by_label("Hid tissue").is_some());
 }
 
 #[test]

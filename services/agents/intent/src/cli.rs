@@ -176,6 +176,9 @@ fn parse(text: &str, units: &[String], selected: bool, model: &ModelArgs, json: 
                 clause.words
             ));
         }
+        if !intent.read_as.is_empty() {
+            print::status(&format!("read as: “{}”", intent.read_as));
+        }
         for part in &intent.not_understood {
             print::status(&format!("not understood: “{part}”"));
         }

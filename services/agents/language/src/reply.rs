@@ -50,6 +50,9 @@ fn not_understood_text(intent: &Intent) -> String {
 #[must_use]
 pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Reply {
     let mut sentences = Vec::new();
+    if !intent.read_as.is_empty() {
+        sentences.push(format!("I read that as “{}”.", intent.read_as.trim_end_matches('.')));
+    }
     for (place, action) in outcome.actions.iter().enumerate() {
         let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
         let mut text = action.text.clone();

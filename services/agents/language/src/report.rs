@@ -13,6 +13,7 @@ use sg_proto::scene::{
 use sg_proto::selection::StrokesReply;
 
 use crate::color;
+use crate::commands::{movement, tone};
 use crate::query;
 use crate::text::{capital, factor, grouped, is_plural, join, percent, target, the};
 
@@ -95,9 +96,12 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         }
         Action::RenameUnit(rename) => format!("“{}” is now named “{}”.", rename.name, rename.new_name),
         Action::Reset(_) => "The appearance is reset. Units and selection are unchanged.".to_owned(),
-        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) | Action::TransformGaussians(_) => {
-            sentence(&result.summary)
+        Action::TransformGaussians(set) => {
+            movement::report(clause, set.target.as_ref()).unwrap_or_else(|| sentence(&result.summary))
         }
+        Action::MergeUnits(_) => format!("{} Ctrl+Z takes it back.", sentence(&result.summary)),
+        Action::SetTone(set) => tone::report(set, before),
+        Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
     }
 }
 

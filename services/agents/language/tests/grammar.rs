@@ -6,10 +6,11 @@ use proptest::prelude::*;
 use serde::Deserialize;
 use sg_language::commands;
 use sg_language::grammar::{self, UtteranceError};
+use sg_proto::language::movement::Kind;
 use sg_proto::language::{Act, Clause, Observation, Reference};
 use sg_proto::scene::{
-    BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit, Vector, View,
-    set_view,
+    Axis, BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit, Vector,
+    View, set_view,
 };
 
 #[derive(Deserialize)]
@@ -130,6 +131,27 @@ fn view(clause: &Clause) -> String {
     }
 }
 
+/// Verb and rest of a movement; `?` for a number that was not said.
+fn moved(kind: &Kind) -> (&'static str, String) {
+    let said = |value: Option<f64>| value.map_or("?".to_owned(), number);
+    match kind {
+        Kind::Shift(shift) => {
+            let way = shift.way().as_str_name().trim_start_matches("WAY_").to_lowercase().replace('_', " ");
+            let unit = if shift.millimetres { " mm" } else { "" };
+            ("move", format!(" {way} {}{unit}", said(shift.distance)))
+        }
+        Kind::Rotation(rotation) => {
+            let way = match rotation.axis() {
+                Axis::Unspecified => rotation.way().as_str_name().trim_start_matches("WAY_").to_lowercase(),
+                axis => axis.as_str_name().trim_start_matches("AXIS_PLUS_").to_lowercase(),
+            };
+            ("spin", format!(" {way} {}", said(rotation.degrees)))
+        }
+        Kind::Scale(scale) => ("scale", format!(" {}", said(scale.factor))),
+        Kind::PutBack(_) => ("put back", String::new()),
+    }
+}
+
 /// A clause in the notation of `grammar.toml`.
 fn short(clause: &Clause) -> String {
     let about = target(clause.target.as_ref());
@@ -172,6 +194,20 @@ fn short(clause: &Clause) -> String {
         }
         Act::SaveCopy => format!("copy -> {}", clause.file),
         Act::Open => format!("open {}", clause.file),
+        Act::Transform => {
+            let kind = clause.movement.as_ref().unwrap().kind.as_ref().unwrap();
+            format!("{} {about}{}", moved(kind).0, moved(kind).1)
+        }
+        Act::Merge => format!("merge {about} -> {}", clause.name),
+        Act::SetTone => {
+            let tone = clause.tone.as_ref().unwrap();
+            let sign = if tone.relative { "x" } else { "=" };
+            let terms =
+                [("saturation", tone.saturation), ("brightness", tone.brightness), ("temperature", tone.temperature)];
+            let terms =
+                terms.into_iter().filter_map(|(name, value)| Some(format!(" {name} {sign} {}", number(value?.into()))));
+            format!("tone {about}{}", terms.collect::<String>())
+        }
         Act::Describe => format!("describe {about}"),
         Act::QuerySelection => "selection?".to_owned(),
         Act::Undo => format!("undo {amount}"),
@@ -224,6 +260,21 @@ fn every_utterance_of_the_corpus_has_its_intent() {
     }
     assert!(wrong.is_empty(), "{} of {utterances} are wrong:\n{}", wrong.len(), wrong.join("\n"));
     assert!(utterances >= 150 && refusals >= 25, "{utterances} utterances, {refusals} refusals");
+}
+
+/// "It" is the unit of the last command, so it turns; without one "it" is the picture.
+#[test]
+fn it_turns_after_a_command_on_a_unit() {
+    let mut observation = observation(&["sac", "vessel"], false);
+    let means = |observation: &Observation, said: &str| {
+        grammar::parse(said, observation).unwrap().clauses.iter().map(short).collect::<Vec<_>>()
+    };
+    assert_eq!(means(&observation, "rotate it 90° to the right"), ["turn -90 0"]);
+    observation.scene.as_mut().unwrap().focus = vec!["sac".to_owned()];
+    assert_eq!(means(&observation, "rotate it 90° to the right"), ["spin IT right 90"]);
+    assert_eq!(means(&observation, "turn it up"), ["turn 0 -30"], "without an angle it is the picture");
+    assert_eq!(means(&observation, "enlarge it by 50 %"), ["scale IT 1.5"]);
+    assert_eq!(means(&observation, "enlarge it"), ["zoom 1.5"]);
 }
 
 #[test]

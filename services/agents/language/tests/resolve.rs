@@ -7,13 +7,15 @@ use sg_language::commands;
 use sg_language::resolution::{self, Refusal, Step};
 use sg_language::{report, unit_names};
 use sg_proto::bus::Code;
-use sg_proto::language::{Act, Clause, Reference};
+use sg_proto::language::movement::Kind;
+use sg_proto::language::{Act, Clause, Movement, PutBack, Reference, Rotation, Scale, Shift, Way};
 use sg_proto::launch::save_request::Content;
 use sg_proto::launch::{GaussianChoice, GaussianPart};
 use sg_proto::render::{Frame, UnitCoverage};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    BaseUnit, Color, Selection, SetLight, SetOperation, SetView, State, Target, Unit, Vector, set_view,
+    Axis, BaseUnit, Color, MergeUnits, PatientSide, Selection, SetLight, SetOperation, SetTone, SetView, State, Target,
+    TransformGaussians, Unit, Vector, View, set_view,
 };
 use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesReply, StrokesRequest};
 
@@ -412,4 +414,112 @@ fn files_are_asked_for_with_one_content_and_a_kind() {
     assert!(refused(Act::Open, Reference::default(), " ").contains("no file"));
     let picture = Clause { amount: Some(9.0), ..clause(Act::SavePicture, Reference::default()) };
     assert!(commands::resolve(&picture, &scene(), None).unwrap_err().message.contains("1, 2, 3 or 4"));
+}
+
+/// Seen from the left side (-x), z up.
+fn seen_from_the_side() -> State {
+    let vector = |x, y, z| Some(Vector { x, y, z });
+    let (eye, target, up) = (vector(-5.0, 0.0, 0.0), vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 1.0));
+    State { view: Some(View { eye, target, up, fov_y_degrees: 40.0 }), ..scene() }
+}
+
+fn moving(kind: Kind) -> Clause {
+    Clause { movement: Some(Movement { kind: Some(kind) }), ..clause(Act::Transform, names_of(&["sac"])) }
+}
+
+fn shift(way: Way, distance: Option<f64>) -> Clause {
+    moving(Kind::Shift(Shift { way: way.into(), distance, millimetres: true }))
+}
+
+#[test]
+fn movements_are_those_of_the_picture_or_of_the_patient() {
+    let state = seen_from_the_side();
+    let plain = || TransformGaussians {
+        target: Some(Target { units: vec!["sac".into()], ..Target::default() }),
+        ..TransformGaussians::default()
+    };
+    // From -x, the right of the picture is -y.
+    for (way, [x, y, z]) in [
+        (Way::Right, [0.0, -5.0, 0.0]),
+        (Way::Left, [0.0, 5.0, 0.0]),
+        (Way::Up, [0.0, 0.0, 5.0]),
+        (Way::Nearer, [-5.0, 0.0, 0.0]),
+        (Way::Farther, [5.0, 0.0, 0.0]),
+    ] {
+        let Action::TransformGaussians(found) = action(&shift(way, Some(5.0)), &state) else { panic!() };
+        let by = found.shift.unwrap();
+        assert!([by.x - x, by.y - y, by.z - z].iter().all(|d| d.abs() < 1e-12), "{way:?}: {by:?}");
+        assert_eq!((TransformGaussians { shift: None, ..found }), TransformGaussians { millimetres: true, ..plain() });
+    }
+    let front =
+        TransformGaussians { towards: PatientSide::Anterior.into(), distance: 4.0, millimetres: true, ..plain() };
+    assert_eq!(action(&shift(Way::Anterior, Some(4.0)), &state), Action::TransformGaussians(front));
+    let turn = |way: Way, axis: Axis| Rotation { way: way.into(), axis: axis.into(), degrees: Some(30.0) };
+    let axis = |clause: &Clause| match action(clause, &state) {
+        Action::TransformGaussians(TransformGaussians { axis: Some(Vector { x, y, z }), degrees: 30.0, .. }) => {
+            [x, y, z]
+        }
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(axis(&moving(Kind::Rotation(turn(Way::Unspecified, Axis::PlusZ)))), [0.0, 0.0, 1.0]);
+    assert_eq!(axis(&moving(Kind::Rotation(turn(Way::Right, Axis::Unspecified)))), [0.0, 0.0, 1.0]);
+    let half = TransformGaussians { factor: Some(0.5), ..plain() };
+    let scale = moving(Kind::Scale(Scale { factor: Some(0.5) }));
+    assert_eq!(action(&scale, &state), Action::TransformGaussians(half));
+    let back = TransformGaussians { restore: true, ..plain() };
+    assert_eq!(action(&moving(Kind::PutBack(PutBack {})), &state), Action::TransformGaussians(back));
+}
+
+#[test]
+fn a_movement_without_a_number_is_asked_for_it() {
+    let asked = |clause: Clause| refusal(&clause, &scene()).message;
+    assert!(asked(shift(Way::Left, None)).starts_with("How far? Say “move the sac 5 mm to the left”"));
+    assert!(asked(shift(Way::Unspecified, Some(2.0))).starts_with("Which way? Say “move the sac 2 mm to the left”"));
+    let turn = Rotation { way: Way::Left.into(), ..Rotation::default() };
+    assert!(asked(moving(Kind::Rotation(turn))).starts_with("By how many degrees?"));
+    assert!(asked(moving(Kind::Scale(Scale { factor: None }))).starts_with("To which size?"));
+    let unknown =
+        Clause { movement: shift(Way::Left, Some(1.0)).movement, ..clause(Act::Transform, names_of(&["dome"])) };
+    assert!(asked(unknown).starts_with("Nothing is named “dome”"));
+}
+
+#[test]
+fn units_merge_by_their_names_alone() {
+    let merge = |names: &[&str], name: &str| Clause { name: name.into(), ..clause(Act::Merge, names_of(names)) };
+    let merged = |units: &[&str], name: &str| {
+        let units = units.iter().map(|u| (*u).to_owned()).collect();
+        Action::MergeUnits(MergeUnits { units, name: name.into() })
+    };
+    assert_eq!(action(&merge(&["sac", "Left Root"], ""), &scene()), merged(&["sac", "left root"], ""));
+    assert_eq!(action(&merge(&["leaves", "sac"], "both"), &scene()), merged(&["leaves", "sac"], "both"));
+    assert_eq!(
+        action(&merge(&["sac", "left root"], "Left root"), &scene()),
+        merged(&["sac", "left root"], "Left root")
+    );
+    assert_eq!(refusal(&merge(&["sac", "left root"], "leaves"), &scene()).code, Code::AlreadyExists);
+    assert_eq!(refusal(&merge(&["leaves", "sac"], "leaves"), &scene()).code, Code::AlreadyExists);
+    for (clause, words) in [
+        (merge(&["sac"], ""), "Say two names"),
+        (merge(&["leaves", "sac"], ""), "is part of the scene file"),
+        (clause(Act::Merge, Reference { selection: true, ..Reference::default() }), "Only units can be merged"),
+    ] {
+        let message = refusal(&clause, &scene()).message;
+        assert!(message.contains(words), "{message}");
+    }
+}
+
+#[test]
+fn a_tone_out_of_range_is_told_with_its_range() {
+    let tone = |tone: SetTone| Clause { tone: Some(tone), ..clause(Act::SetTone, names_of(&["sac"])) };
+    let set = SetTone { saturation: Some(0.5), relative: true, ..SetTone::default() };
+    let target = Some(Target { units: vec!["sac".into()], ..Target::default() });
+    assert_eq!(action(&tone(set.clone()), &scene()), Action::SetTone(SetTone { target, ..set }));
+    let wide = refusal(&tone(SetTone { brightness: Some(5.0), ..SetTone::default() }), &scene()).message;
+    assert_eq!(wide, "Brightness goes from 0 to 400 %, and 100 % is as in the file.");
+    assert!(
+        refusal(&tone(SetTone { temperature: Some(2.0), ..SetTone::default() }), &scene())
+            .message
+            .contains("-1 (blue)")
+    );
+    assert!(refusal(&tone(SetTone::default()), &scene()).message.contains("has no saturation"));
 }

@@ -67,8 +67,7 @@ impl Interpreter {
                 Err(error) => fallback = self.client.fall_back(error, state)?,
             }
         }
-        let observation = request.observation.clone().unwrap_or_default();
-        let intent = tokio::task::block_in_place(|| grammar::parse(&request.text, &observation))?;
+        let intent = tokio::task::block_in_place(|| grammar::interpret(request))?;
         Ok(Intent { fallback, ..intent })
     }
 }

@@ -191,12 +191,12 @@ impl Transaction<'_> {
     }
 
     /// The named units, or all base units if the target is everything.
-    fn base_and_named(&self, target: &ResolvedTarget) -> Vec<UnitRef> {
+    pub(super) fn base_and_named(&self, target: &ResolvedTarget) -> Vec<UnitRef> {
         if target.everything { (0..self.state.base.len()).map(UnitRef::Base).collect() } else { target.named.clone() }
     }
 
     /// Edits of a named unit or of everything override derived units.
-    fn supersede_named(&mut self, attribute: Attribute, target: &ResolvedTarget) -> Result<(), EditError> {
+    pub(super) fn supersede_named(&mut self, attribute: Attribute, target: &ResolvedTarget) -> Result<(), EditError> {
         if target.everything {
             return self.supersede(attribute, &target.members, None);
         }
@@ -211,7 +211,12 @@ impl Transaction<'_> {
         Ok(())
     }
 
-    fn derived_or_new(&mut self, here: Option<u64>, members: &Mask, target: &ResolvedTarget) -> Result<u64, EditError> {
+    pub(super) fn derived_or_new(
+        &mut self,
+        here: Option<u64>,
+        members: &Mask,
+        target: &ResolvedTarget,
+    ) -> Result<u64, EditError> {
         // Superseding may have removed the unit with its last attribute.
         match here.filter(|id| self.state.units.contains_key(id)) {
             Some(id) => Ok(id),
@@ -229,7 +234,7 @@ impl Transaction<'_> {
 
     /// Sets the meaning of "it": the units in the target, named or excepted. For the selection, it is the unit with the
     /// new look.
-    fn focus_after(&mut self, target: &ResolvedTarget, made: Option<u64>) {
+    pub(super) fn focus_after(&mut self, target: &ResolvedTarget, made: Option<u64>) {
         let mut names = target.names.clone();
         if names.is_empty() && target.of_selection {
             names.extend(made.and_then(|id| self.state.units.get(&id)).map(|u| u.name.clone()));

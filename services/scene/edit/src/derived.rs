@@ -10,6 +10,7 @@ use super::error::EditError;
 use super::state::Unit;
 use super::transaction::Transaction;
 use sg_scene::mask::Mask;
+use sg_scene::tone::Tone;
 
 /// An attribute that a unit can override.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,14 +21,26 @@ pub(super) enum Attribute {
     Opacity,
     /// Whether they are drawn.
     Visibility,
+    /// The factor on their saturation.
+    Saturation,
+    /// The factor on their brightness.
+    Brightness,
+    /// Their temperature.
+    Temperature,
 }
 
 impl Attribute {
+    const ALL: [Self; 6] =
+        [Self::Color, Self::Opacity, Self::Visibility, Self::Saturation, Self::Brightness, Self::Temperature];
+
     fn word(self) -> &'static str {
         match self {
             Self::Color => "colour",
             Self::Opacity => "opacity",
             Self::Visibility => "hidden",
+            Self::Saturation => "saturation",
+            Self::Brightness => "brightness",
+            Self::Temperature => "temperature",
         }
     }
 }
@@ -39,6 +52,9 @@ impl Unit {
             Attribute::Color => self.color.is_some(),
             Attribute::Opacity => self.opacity != 1.0,
             Attribute::Visibility => !self.visible,
+            Attribute::Saturation => self.tone.saturation != 1.0,
+            Attribute::Brightness => self.tone.brightness != 1.0,
+            Attribute::Temperature => self.tone.temperature != 0.0,
         }
     }
 
@@ -49,13 +65,16 @@ impl Unit {
             Attribute::Color => unit.color = None,
             Attribute::Opacity => unit.opacity = 1.0,
             Attribute::Visibility => unit.visible = true,
+            Attribute::Saturation => unit.tone.saturation = 1.0,
+            Attribute::Brightness => unit.tone.brightness = 1.0,
+            Attribute::Temperature => unit.tone.temperature = 0.0,
         }
         unit
     }
 
     /// The same unit without its overrides of other attributes.
     fn only(&self, attribute: Attribute) -> Self {
-        [Attribute::Color, Attribute::Opacity, Attribute::Visibility]
+        Attribute::ALL
             .into_iter()
             .filter(|other| *other != attribute)
             .fold(self.clone(), |unit, other| unit.without(other))
@@ -147,6 +166,7 @@ impl Transaction<'_> {
             derived: true,
             deleted: None,
             locked: false,
+            tone: Tone::NEUTRAL,
         });
         Ok(id)
     }

@@ -9,10 +9,11 @@ use glam::{DVec3, Vec3};
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Harmonics, Scene, SceneBox, ShadingColumns, ShadingModel};
 use sg_scene::recolor::{BRIGHTNESS, KEPT, recolored};
+use sg_scene::tone::Tone;
 
 use crate::error::EditError;
 use crate::placement::placed;
-use crate::state::{EditState, Unit};
+use crate::state::{BaseUnitState, EditState, Unit};
 
 /// Most base units that edits make: as many as a scene file may have.
 const MAX_PARTS: usize = 4096;
@@ -39,6 +40,15 @@ struct Look {
     color: u64,
     /// Bits of the product of all factors on its opacity; factors are at least 0, so that bits are in order.
     opacity: u32,
+    /// Bits of saturation, brightness and temperature of all its units together; 0 where nothing changes.
+    tone: [u32; 3],
+}
+
+impl Look {
+    fn tone(self) -> Tone {
+        let [saturation, brightness, temperature] = self.tone.map(f32::from_bits);
+        if self.tone == [0; 3] { Tone::NEUTRAL } else { Tone { saturation, brightness, temperature } }
+    }
 }
 
 impl EditState {
@@ -64,7 +74,8 @@ impl EditState {
     /// its centres.
     ///
     /// The colours of trained splats that see a unit's colour through their harmonics are exact between the bounds of
-    /// [`recolored_unlit`](sg_scene::recolor::recolored_unlit).
+    /// [`recolored_unlit`](sg_scene::recolor::recolored_unlit). A changed tone of trained splats is exact where no channel of the
+    /// seen colour is below 0.
     ///
     /// # Errors
     /// [`EditError::TooMany`] where more than 4,096 parts look different.
@@ -73,7 +84,7 @@ impl EditState {
         let scene = moved.as_ref().unwrap_or(scene);
         let mut units: Vec<BaseUnit> = Vec::new();
         for (base, look) in scene.units.iter().zip(self.base_units()) {
-            for (part, rows) in self.parts(base, look.opacity, members) {
+            for (part, rows) in self.parts(base, look, members) {
                 if units.len() == MAX_PARTS {
                     let remedy = "write fewer units at a time";
                     return Err(EditError::TooMany { what: "parts of different looks", limit: MAX_PARTS, remedy });
@@ -81,11 +92,14 @@ impl EditState {
                 let given = self.units.get(&part.color).and_then(|unit| unit.color);
                 let color = given.or_else(|| base.tint(look.palette));
                 let named = self.units.get(&part.name).map_or(&base.name, |unit| &unit.name);
+                let gaussians = painted(base.gaussians.rows(&rows), base.shading, look.palette, color);
+                let palette = color.unwrap_or(look.palette);
+                let (gaussians, palette) = toned(gaussians, base.shading, palette, part.tone());
                 units.push(BaseUnit {
                     name: free_name(named, &units),
                     file: None,
-                    gaussians: painted(base.gaussians.rows(&rows), base.shading, look.palette, color),
-                    palette: color.unwrap_or(look.palette),
+                    gaussians,
+                    palette,
                     opacity: f32::from_bits(part.opacity),
                     convention: Convention::Ours,
                     ..without_gaussians(base)
@@ -99,13 +113,14 @@ impl EditState {
     }
 
     /// The rows of a base unit by look: the unedited look first, rows in order.
-    fn parts(&self, base: &BaseUnit, opacity: f32, members: &Mask) -> BTreeMap<Look, Vec<usize>> {
+    fn parts(&self, base: &BaseUnit, state: &BaseUnitState, members: &Mask) -> BTreeMap<Look, Vec<usize>> {
         let concerned: Vec<&Unit> = self.units().filter(|unit| !unit.is_neutral() || !unit.derived).collect();
         let mut parts: BTreeMap<Look, Vec<usize>> = BTreeMap::new();
         for global in base.range().filter(|i| members.get(*i)) {
-            let (mut look, mut factor) = (Look::default(), f64::from(opacity));
+            let (mut look, mut factor, mut tone) = (Look::default(), f64::from(state.opacity), state.tone);
             for unit in concerned.iter().filter(|unit| unit.mask.get(global)) {
                 factor *= f64::from(unit.opacity);
+                tone = tone.and(unit.tone);
                 if unit.color.is_some() {
                     look.color = unit.id;
                 }
@@ -114,6 +129,9 @@ impl EditState {
                 }
             }
             look.opacity = (factor as f32).to_bits();
+            if !tone.is_neutral() {
+                look.tone = [tone.saturation, tone.brightness, tone.temperature].map(f32::to_bits);
+            }
             parts.entry(look).or_default().push(global - base.first);
         }
         parts
@@ -162,14 +180,42 @@ fn painted(mut gaussians: Gaussians, shading: ShadingModel, palette: Vec3, color
 }
 
 fn paint_offsets(columns: &mut ShadingColumns, shading: ShadingModel, palette: Vec3, color: Vec3) {
-    let palette = match shading {
-        ShadingModel::Paper => palette,
-        ShadingModel::IvrgsTrain | ShadingModel::IvrgsViewer => palette.clamp(Vec3::ZERO, Vec3::ONE),
-    };
+    let palette = palette_in(shading, palette);
     let (given, palette) = (color.as_dvec3(), palette.as_dvec3());
     for offset in &mut columns.offset_color {
         let seen = recolored(given, palette + offset.as_dvec3(), palette);
         *offset = (seen - given).as_vec3();
+    }
+}
+
+/// Gaussians of which a tone changes the colours, and the palette that their columns are relative to.
+fn toned(mut gaussians: Gaussians, shading: ShadingModel, palette: Vec3, tone: Tone) -> (Gaussians, Vec3) {
+    if tone.is_neutral() {
+        return (gaussians, palette);
+    }
+    let old = palette_in(shading, palette).as_dvec3();
+    let new = tone.of(old).as_vec3().clamp(Vec3::ZERO, Vec3::ONE);
+    if let Some(columns) = &mut gaussians.shading {
+        for offset in &mut columns.offset_color {
+            *offset = (tone.of(old + offset.as_dvec3()) - new.as_dvec3()).as_vec3();
+        }
+    } else if let Some(harmonics) = &mut gaussians.harmonics {
+        for constant in &mut harmonics.dc {
+            let seen = tone.of(0.5 + Harmonics::C0 * DVec3::from_array(constant.map(f64::from)));
+            *constant = ((seen - 0.5) / Harmonics::C0).as_vec3().to_array();
+        }
+        for term in &mut harmonics.rest {
+            *term = tone.of(DVec3::from_array(term.map(f64::from))).as_vec3().to_array();
+        }
+    }
+    (gaussians, new)
+}
+
+/// The palette as a shading model uses it.
+fn palette_in(shading: ShadingModel, palette: Vec3) -> Vec3 {
+    match shading {
+        ShadingModel::Paper => palette,
+        ShadingModel::IvrgsTrain | ShadingModel::IvrgsViewer => palette.clamp(Vec3::ZERO, Vec3::ONE),
     }
 }
 

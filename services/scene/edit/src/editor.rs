@@ -220,6 +220,8 @@ impl Editor {
             Action::SetLock(a) => transaction.set_lock(a)?,
             Action::RestoreGaussians(_) => transaction.restore_gaussians()?,
             Action::TransformGaussians(a) => transaction.transform_gaussians(a)?,
+            Action::MergeUnits(a) => transaction.merge_units(a)?,
+            Action::SetTone(a) => transaction.set_tone(a)?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),

@@ -14,6 +14,7 @@ use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::{framed, robust_bounds};
 use sg_scene::orientation::Side;
+use sg_scene::tone::Tone;
 
 impl Transaction<'_> {
     pub(super) fn set_light(&mut self, command: &SetLight) -> Result<String, EditError> {
@@ -141,7 +142,7 @@ impl Transaction<'_> {
         }
         self.state.units.retain(|_, unit| !unit.derived || unit.locked);
         for unit in self.state.units.values_mut().filter(|unit| !unit.locked) {
-            (unit.color, unit.opacity, unit.visible) = (None, 1.0, true);
+            (unit.color, unit.opacity, unit.visible, unit.tone) = (None, 1.0, true, Tone::NEUTRAL);
         }
         self.state.light = self.initial.light;
         self.state.background = self.initial.background;

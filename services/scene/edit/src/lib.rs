@@ -45,6 +45,7 @@ mod history;
 mod lock;
 mod measure;
 mod membership;
+mod merge;
 mod names;
 mod placed_scene;
 mod placement;
@@ -54,6 +55,7 @@ mod state;
 mod target;
 #[cfg(test)]
 mod tests;
+mod tone;
 mod transaction;
 mod transformation;
 mod visibility;

@@ -18,6 +18,7 @@ use super::transaction::Transaction;
 use super::wire::{decode_mask, steps_of};
 use sg_input::number_format::{decimals, grouped};
 use sg_scene::mask::Mask;
+use sg_scene::tone::Tone;
 
 /// The history text of a selection that became empty.
 const CLEARED: &str = "cleared selection";
@@ -128,13 +129,14 @@ impl Transaction<'_> {
             self.focus_on(vec![name.clone()]);
             return Ok(format!("replaced {name} with the selection: {count}"));
         }
-        let (mut color, mut opacity, mut visible) = (None, 1.0_f32, true);
+        let (mut color, mut opacity, mut visible, mut tone) = (None, 1.0_f32, true, Tone::NEUTRAL);
         self.state.units.retain(|_, unit| {
             let same = unit.derived && unit.mask == mask;
             if same {
                 color = unit.color.or(color);
                 opacity = (opacity * unit.opacity).min(super::command_number::MAX_FACTOR);
                 visible &= unit.visible;
+                tone = tone.and(unit.tone);
             }
             !same
         });
@@ -150,6 +152,7 @@ impl Transaction<'_> {
             visible,
             derived: false,
             locked: false,
+            tone,
         });
         self.focus_on(vec![name.clone()]);
         Ok(format!("saved the selection as {name}: {count}"))
@@ -182,7 +185,7 @@ impl Transaction<'_> {
     }
 
     /// Frees a name that a derived unit has: names given by people go first.
-    fn yield_name(&mut self, name: &str) {
+    pub(super) fn yield_name(&mut self, name: &str) {
         let Some(UnitRef::Editable(id)) = self.state.is_taken(name, None) else { return };
         let free = self.state.free_name(&format!("{name} (unsaved)"));
         if let Some(unit) = self.state.units.get_mut(&id) {

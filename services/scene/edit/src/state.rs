@@ -14,6 +14,7 @@ use sg_scene::framing::initial_view;
 use sg_scene::mask::Mask;
 use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::Axis;
+use sg_scene::tone::Tone;
 use sg_scene::view::View;
 
 use super::placement::{self, Placement};
@@ -37,6 +38,8 @@ pub struct BaseUnitState {
     pub deleted: usize,
     /// Whether edits of its Gaussians are refused.
     pub locked: bool,
+    /// Change of its colours.
+    pub tone: Tone,
 }
 
 impl BaseUnitState {
@@ -74,13 +77,15 @@ pub struct Unit {
     pub derived: bool,
     /// Whether edits of its Gaussians are refused.
     pub locked: bool,
+    /// Change of the colours of its members.
+    pub tone: Tone,
 }
 
 impl Unit {
     /// Whether it changes nothing of how its members look.
     #[must_use]
     pub fn is_neutral(&self) -> bool {
-        self.color.is_none() && self.opacity == 1.0 && self.visible
+        self.color.is_none() && self.opacity == 1.0 && self.visible && self.tone.is_neutral()
     }
 }
 
@@ -188,6 +193,7 @@ impl EditState {
             visible: look.visible,
             deleted: 0,
             locked: false,
+            tone: Tone::NEUTRAL,
         });
         let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
         Self {
@@ -305,8 +311,8 @@ impl EditState {
         Arc::new(mask)
     }
 
-    /// The look that a renderer draws, without an overlay. Editable units that change nothing are left out. The last unit hides
-    /// the deleted Gaussians.
+    /// The look that a renderer draws, without an overlay. Editable units that change nothing are left out. The first units are
+    /// base units of which the tone is changed. The last unit hides the deleted Gaussians.
     #[must_use]
     pub fn appearance(&self) -> Appearance {
         let base = self.base.iter().map(|b| BaseAppearance {
@@ -315,21 +321,30 @@ impl EditState {
             visible: b.visible,
             multipliers: [1.0; 4],
         });
+        let toned = self.base.iter().enumerate().filter(|(_, b)| !b.tone.is_neutral()).map(|(i, b)| UnitAppearance {
+            mask: self.members(UnitRef::Base(i)),
+            color: None,
+            opacity: 1.0,
+            visible: true,
+            tone: b.tone,
+        });
         let units = self.units.values().filter(|u| !u.is_neutral()).map(|u| UnitAppearance {
             mask: Arc::clone(&u.mask),
             color: u.color,
             opacity: u.opacity,
             visible: u.visible,
+            tone: u.tone,
         });
         let deleted = (!self.deleted.is_none()).then(|| UnitAppearance {
             mask: Arc::clone(&self.deleted),
             color: None,
             opacity: 1.0,
             visible: false,
+            tone: Tone::NEUTRAL,
         });
         Appearance {
             base: base.collect(),
-            units: units.chain(deleted).collect(),
+            units: toned.chain(units).chain(deleted).collect(),
             overlay: None,
             light: self.light,
             background: self.background,
@@ -481,8 +496,8 @@ impl EditState {
 
 /// Equality of units that does not read masks which are the same allocation.
 fn same(a: &Unit, b: &Unit) -> bool {
-    (a.id, &a.name, a.color, a.opacity, a.visible, a.derived, a.locked)
-        == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived, b.locked)
+    (a.id, &a.name, a.color, a.opacity, a.visible, a.derived, a.locked, a.tone)
+        == (b.id, &b.name, b.color, b.opacity, b.visible, b.derived, b.locked, b.tone)
         && (Arc::ptr_eq(&a.mask, &b.mask) || a.mask == b.mask)
         && a.deleted == b.deleted
 }

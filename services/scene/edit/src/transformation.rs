@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use sg_input::number_format::decimals;
-use sg_proto::scene::TransformGaussians;
+use sg_proto::scene::{PatientSide, TransformGaussians, Vector};
 use sg_scene::mask::Mask;
-use sg_scene::orientation::LengthUnit;
+use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::similarity::Similarity;
 
 use super::command_number;
@@ -15,7 +15,7 @@ use super::placement::{Placement, middle, same};
 use super::state::{BaseUnitState, UnitRef};
 use super::target::ResolvedTarget;
 use super::transaction::Transaction;
-use super::wire::decode_vector;
+use super::wire::{decode_vector, encode_vector};
 
 /// Most parts of a scene with places of their own: each takes a mask in every snapshot.
 const MAX_PARTS: usize = 64;
@@ -116,13 +116,24 @@ impl Transaction<'_> {
 
     /// What a command asks for.
     fn wish(&self, command: &TransformGaussians, members: &Mask) -> Result<Wish, EditError> {
-        let TransformGaussians { pivot, shift, axis, degrees, factor, restore, millimetres, .. } = command;
+        let TransformGaussians { pivot, shift, axis, degrees, factor, restore, millimetres, towards, distance, .. } =
+            command;
         const NOTHING: &str = "nothing is set; give a shift, an axis with degrees, a factor, or `restore`";
         let malformed = |reason: &str| EditError::Malformed { field: "transform_gaussians", reason: reason.to_owned() };
         if *restore {
-            let alone = pivot.is_none() && shift.is_none() && axis.is_none() && factor.is_none() && *degrees == 0.0;
+            let alone = pivot.is_none()
+                && shift.is_none()
+                && axis.is_none()
+                && factor.is_none()
+                && *degrees == 0.0
+                && *towards == 0;
             return if alone { Ok(Wish::Restore) } else { Err(malformed("`restore` goes with no other field")) };
         }
+        let towards = self.towards(*towards, *distance)?;
+        if shift.is_some() && towards.is_some() {
+            return Err(malformed("`shift` and `towards` exclude each other"));
+        }
+        let shift = &towards.or(*shift);
         if shift.is_none() && axis.is_none() && factor.is_none() {
             return Err(malformed(NOTHING));
         }
@@ -182,6 +193,30 @@ impl Transaction<'_> {
             _ => ("moved, turned and scaled".to_owned(), String::new()),
         };
         Ok(Wish::Map { map: Similarity::about(pivot, rotation, factor, by), done })
+    }
+
+    /// The shift by a distance towards a side of the patient, scene coordinates in the unit of the distance.
+    fn towards(&self, side: i32, distance: f64) -> Result<Option<Vector>, EditError> {
+        const FIELD: &str = "transform_gaussians.towards";
+        let letter = match PatientSide::try_from(side) {
+            Ok(PatientSide::Unspecified) => return Ok(None),
+            Ok(PatientSide::Left) => "L",
+            Ok(PatientSide::Right) => "R",
+            Ok(PatientSide::Anterior) => "A",
+            Ok(PatientSide::Posterior) => "P",
+            Ok(PatientSide::Superior) => "S",
+            Ok(PatientSide::Inferior) => "I",
+            Err(_) => {
+                return Err(EditError::Malformed { field: FIELD, reason: format!("{side} is no side of a patient") });
+            }
+        };
+        let frame = self.scene.file().orientation.patient.ok_or_else(|| EditError::Malformed {
+            field: FIELD,
+            reason: "the scene's file names no patient's sides; use left, right, up, down, nearer or farther"
+                .to_owned(),
+        })?;
+        let axis = Axis::ALL.into_iter().find(|axis| frame.letter(*axis) == letter);
+        Ok(axis.map(|axis| encode_vector(axis.vector() * distance)))
     }
 
     /// Refuses a map that takes the scene's box out of what pictures can hold.

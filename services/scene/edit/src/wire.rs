@@ -1,6 +1,7 @@
 //! Between the messages of the contract and the types of this library. Pure conversions; ranges are checked by edits.
 
 mod placement_message;
+mod tone_message;
 
 use std::sync::Arc;
 
@@ -9,6 +10,7 @@ use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
 use self::placement_message::{decode_placements, encode_placements};
+use self::tone_message::{decode_tone, encode_tone};
 use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
@@ -54,6 +56,9 @@ pub enum WireError {
         "`{0}` is no similarity: it has a rotation of four numbers and unit length, a finite scale above 0 and a finite translation"
     )]
     Similarity(&'static str),
+    /// A tone out of its range.
+    #[error("`{0}` is no tone: saturation and brightness are 0 to 4, the temperature is -1 to 1")]
+    Tone(&'static str),
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
@@ -71,6 +76,7 @@ impl WireError {
         match self {
             Self::Missing(field)
             | Self::Similarity(field)
+            | Self::Tone(field)
             | Self::Kind { field, .. }
             | Self::Length { field, .. }
             | Self::Bits { field, .. }
@@ -278,6 +284,7 @@ fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
         visible: base.visible,
         deleted: base.deleted as u64,
         locked: base.locked,
+        tone: encode_tone(base.tone),
     }
 }
 
@@ -291,6 +298,7 @@ fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
         visible: base.visible,
         deleted: count(base.deleted, "base_unit.deleted")?,
         locked: base.locked,
+        tone: decode_tone(base.tone.as_ref(), "base_unit.tone")?,
     })
 }
 
@@ -306,6 +314,7 @@ fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
         derived: unit.derived,
         deleted: unit.deleted.as_deref().filter(|_| with_mask).map(encode_mask),
         locked: unit.locked,
+        tone: encode_tone(unit.tone),
     }
 }
 
@@ -317,6 +326,7 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
         mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
         deleted: decode_optional(unit.deleted.as_ref(), expected, "unit.deleted")?,
         locked: unit.locked,
+        tone: decode_tone(unit.tone.as_ref(), "unit.tone")?,
         color: unit.color.as_ref().map(decode_color),
         opacity: unit.opacity,
         visible: unit.visible,

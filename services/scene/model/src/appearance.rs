@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use crate::camera::Light;
 use crate::mask::Mask;
 use crate::model::Scene;
+use crate::tone::Tone;
 
 /// All that a renderer needs beside the geometry and the camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,6 +116,9 @@ pub struct UnitAppearance {
     pub opacity: f32,
     /// Hidden units draw nothing of their members.
     pub visible: bool,
+    /// Change of the colours of its members, after any unit's colour. Of overlapping units it is that of all
+    /// ([`Tone::and`]).
+    pub tone: Tone,
 }
 
 /// A highlight after shading: c ← (1−mix)·c + mix·color; o ← clamp(o·opacity, 0, 1).

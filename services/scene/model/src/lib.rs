@@ -42,4 +42,5 @@ pub mod size;
 pub mod subject;
 pub mod symmetric3;
 pub mod synthetic;
+pub mod tone;
 pub mod view;

@@ -199,6 +199,7 @@ mod tests {
     use crate::camera::Camera;
     use crate::mask::Mask;
     use crate::synthetic::test_scene;
+    use crate::tone::Tone;
 
     /// How far a scene point lies from the middle of the picture, 1 at its edges.
     fn off(camera: &Camera, p: DVec3) -> DVec2 {
@@ -264,7 +265,13 @@ mod tests {
         let all = Appearance::of(&split);
         let wide = view_of(&split, &all).unwrap();
         assert!(wide.eye.distance(wide.target) > 10.0 * distance, "{wide:?}");
-        let edit = |opacity, visible| UnitAppearance { mask: Arc::clone(&mask), color: None, opacity, visible };
+        let edit = |opacity, visible| UnitAppearance {
+            mask: Arc::clone(&mask),
+            color: None,
+            opacity,
+            visible,
+            tone: Tone::NEUTRAL,
+        };
         let clip = Clip::between(DVec3::splat(-100.0), DVec3::splat(100.0), true);
         for look in [
             Appearance { units: vec![edit(1.0, false)], ..all.clone() },

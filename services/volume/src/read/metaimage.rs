@@ -140,7 +140,7 @@ impl Fields {
     /// The first of these keys that the header has.
     fn get(&self, keys: &[&str]) -> Option<(usize, &str)> {
         let find = |key: &&str| self.0.iter().find(|(_, name, _)| name.eq_ignore_ascii_case(key));
-        keys.iter().find_map(|key| find(key)).map(|(line, _, value)| (*line, value.as_str()))
+        keys.iter().find_map(find).map(|(line, _, value)| (*line, value.as_str()))
     }
 
     fn is_true(&self, keys: &[&str]) -> bool {

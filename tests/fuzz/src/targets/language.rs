@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use sg_language::intent_prompt::IntentPrompt;
 use sg_language::{commands, grammar, paraphrase, unit_choice};
-use sg_proto::language::{Intent, IntentRequest, Observation};
+use sg_proto::language::{Intent, IntentRequest, Observation, Turn};
 use sg_proto::scene::State;
 
 use crate::parts::Parts;
@@ -17,6 +17,14 @@ static PROMPT: LazyLock<IntentPrompt> = LazyLock::new(|| IntentPrompt::new().unw
 pub(crate) fn utterance(_: &Stage, input: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(input) else { return false };
     let Ok(intent) = grammar::parse(text, &OBSERVATION) else { return false };
+    let turn = Turn { utterance: "make the sac red".to_owned(), reply: String::new() };
+    let request =
+        IntentRequest { text: text.to_owned(), observation: Some(OBSERVATION.clone()), conversation: vec![turn] };
+    let interpreted = grammar::interpret(&request).unwrap();
+    // What is understood as it was said keeps its meaning.
+    let literal = intent.not_understood.is_empty() && interpreted.read_as.is_empty();
+    assert!(!literal || interpreted.not_understood.is_empty());
+    resolve(&interpreted);
     resolve(&intent)
 }
 

@@ -53,7 +53,7 @@ pub(super) const RENAME: Command = Command {
 const MAX_NAME_WORDS: usize = 8;
 
 /// Parses a new name: quoted, or the words up to the end of the clause without their article.
-fn name(input: &mut Input<'_>) -> Outcome<String> {
+pub(super) fn name(input: &mut Input<'_>) -> Outcome<String> {
     article(input)?;
     if let Some(token) = peek_at(input, 0).filter(|t| t.kind == Kind::Quoted) {
         let name = token.text.clone();

@@ -11,6 +11,7 @@ use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use super::verbs::{MAKE, SET};
 use crate::property::assignment::{becoming, property, restoring};
 use crate::property::opacity::{absolute, amount, faded, transparency};
+use crate::property::tone::Term;
 use crate::property::value::{Value, assign, property_name};
 use crate::resolution::{Refusal, Step, number, target_of};
 use crate::syntax::modifier::{degree, factor_by};
@@ -31,14 +32,14 @@ pub(super) const SET_OPACITY: Command = Command {
             fading,
         ),
         Construct::with_ellipsis(
-            "increase | raise | boost | double | triple | turn up | strengthen",
+            "increase | raise | boost | double | triple | turn up | strengthen | crank up | bump up | dial up",
             Ellipsis::Verb,
-            |verb, input| opacity_change(verb, true, input),
+            |verb, input| term_change(verb, true, input),
         ),
         Construct::with_ellipsis(
-            "decrease | reduce | lower | halve | drop | cut | turn down | weaken",
+            "decrease | reduce | lower | halve | drop | cut | turn down | weaken | dial down",
             Ellipsis::Verb,
-            |verb, input| opacity_change(verb, false, input),
+            |verb, input| term_change(verb, false, input),
         ),
         Construct::new("reset | restore | bring back", restoring),
     ],
@@ -85,8 +86,8 @@ fn fading(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     alt((with_target, without)).parse_next(input)
 }
 
-/// Parses "the opacity of the sac by a third", "the sac's transparency to 80 %".
-fn opacity_change(verb: Verb, raised: bool, input: &mut Input<'_>) -> Outcome<Reading> {
+/// Parses "the opacity of the sac by a third", "the sac's transparency to 80 %", "its saturation".
+pub(super) fn term_change(verb: Verb, raised: bool, input: &mut Input<'_>) -> Outcome<Reading> {
     let of = |input: &mut Input<'_>| {
         article(input)?;
         let property = property_name(input)?;
@@ -119,8 +120,12 @@ fn opacity_change(verb: Verb, raised: bool, input: &mut Input<'_>) -> Outcome<Re
 }
 
 fn changed(verb: Verb, raised: bool, property: Property, input: &mut Input<'_>) -> Outcome<Value> {
-    if property == Property::Color {
-        return Err(EmptyError);
+    match property {
+        Property::Color => return Err(EmptyError),
+        Property::Saturation => return tone_changed(verb, raised, Term::Saturation, input),
+        Property::Brightness => return tone_changed(verb, raised, Term::Brightness, input),
+        Property::Temperature => return tone_changed(verb, raised, Term::Temperature, input),
+        Property::Opacity | Property::Transparency => {}
     }
     let opaque = property == Property::Opacity;
     let to = opt((one_of("to | up to | down to"), amount)).parse_next(input)?;
@@ -143,6 +148,29 @@ fn changed(verb: Verb, raised: bool, property: Property, input: &mut Input<'_>) 
         _ => degree.pick(0.75, 0.5, 0.25),
     };
     Ok(Value::Opacity { factor: by.unwrap_or(usual), relative: true })
+}
+
+fn tone_changed(verb: Verb, raised: bool, term: Term, input: &mut Input<'_>) -> Outcome<Value> {
+    let to = opt((one_of("to | up to | down to"), amount)).parse_next(input)?;
+    if let Some((_, value)) = to {
+        end(input)?;
+        return Ok(Value::Tone(term.set(value, false)));
+    }
+    let by = if term == Term::Temperature {
+        None
+    } else {
+        opt(|i: &mut Input<'_>| factor_by(raised, i)).parse_next(input)?
+    };
+    let degree = degree(input)?;
+    end(input)?;
+    let usual = match (verb.phrase, term) {
+        ("double" | "triple" | "halve", Term::Temperature) => return Err(EmptyError),
+        ("double", _) => 2.0,
+        ("triple", _) => 3.0,
+        ("halve", _) => 0.5,
+        _ => term.step(raised, degree),
+    };
+    Ok(Value::Tone(term.set(by.unwrap_or(usual), true)))
 }
 
 fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {

@@ -65,7 +65,9 @@ fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     if camera.is_none() && !matches!(verb.phrase, "move" | "go") {
         let of_unit = |input: &mut Input<'_>| {
             let (target, turn) = target_then(input, |rest, _| angles(rest))?;
-            if target.unknown > 0 { Err(EmptyError) } else { Ok(turn) }
+            // A unit turns by itself; "it" without more is the picture.
+            let unit = !target.reference.names.is_empty() || target.reference.selection;
+            if target.unknown > 0 || unit { Err(EmptyError) } else { Ok(turn) }
         };
         if let Some((azimuth, elevation)) = opt(of_unit).parse_next(input)? {
             return Ok(turned(-azimuth, -elevation));
@@ -126,7 +128,7 @@ fn direction(input: &mut Input<'_>) -> Outcome<Direction> {
     Ok(found)
 }
 
-fn angle(input: &mut Input<'_>) -> Outcome<f64> {
+pub(super) fn angle(input: &mut Input<'_>) -> Outcome<f64> {
     fn unit(input: &mut Input<'_>) -> Outcome<()> {
         alt((mark('°').void(), exactly("degrees | degree | deg | degs").void())).parse_next(input)
     }

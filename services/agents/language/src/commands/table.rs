@@ -7,8 +7,8 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    answers, background, color, delete, files, frame, help as help_command, history, light, lock, naming, opacity,
-    orbit, question, selection, shading, viewpoint, visibility, zoom,
+    answers, background, color, delete, files, frame, help as help_command, history, light, lock, merge, movement,
+    naming, opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -22,9 +22,11 @@ pub(crate) const TABLE: &[Command] = &[
     visibility::SHOW,
     visibility::HIDE,
     light::SET_LIGHT,
+    tone::SET_TONE,
     background::SET_BACKGROUND,
     viewpoint::VIEWPOINT,
     frame::FRAME,
+    movement::TRANSFORM,
     orbit::ORBIT,
     zoom::ZOOM,
     shading::SET_TERM,
@@ -32,6 +34,7 @@ pub(crate) const TABLE: &[Command] = &[
     selection::CLEAR_SELECTION,
     naming::LABEL,
     naming::RENAME,
+    merge::MERGE,
     delete::DELETE_GAUSSIANS,
     delete::RESTORE_GAUSSIANS,
     delete::REMOVE_NAME,

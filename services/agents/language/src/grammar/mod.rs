@@ -13,10 +13,16 @@
 //! | "transparent" · "half/semi-transparent" · "80 % transparent" | opacity 0.3 · 0.5 · 0.2 |
 //! | "rotate left", "turn the camera left" | the camera moves to its left |
 //! | "turn it left" | the scene turns left, so the camera moves to its right |
+//! | "turn the sac left by 30 degrees", "turn it by 30 degrees" after a command on the sac | the sac turns |
 //! | "light from the left" | light from the left of the current picture |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
+mod follow_up;
+mod interpretation;
+mod rewording;
+mod self_correction;
 mod sentence;
+mod spelling;
 mod suggest;
 
 use std::cell::Cell;
@@ -24,13 +30,15 @@ use std::sync::LazyLock;
 
 use sg_proto::language::{Intent, Observation};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
-use sg_proto::scene::{BaseUnit, Selection, State};
+use sg_proto::scene::{BaseUnit, Selection, State, View};
 use winnow::stream::TokenSlice;
 
 use crate::syntax::phrase::{Input, ParseContext};
-use crate::syntax::token;
+use crate::syntax::token::{self, Token};
 use crate::unit_names;
 use sentence::{OpeningIndex, Sentence};
+
+pub use interpretation::interpret;
 
 static OPENINGS: LazyLock<OpeningIndex> = LazyLock::new(OpeningIndex::of_table);
 
@@ -51,7 +59,7 @@ pub enum UtteranceError {
     Empty,
 }
 
-/// Parses an utterance for a scene.
+/// Parses an utterance for a scene, as it was said. [`interpret`] repairs what this does not understand.
 ///
 /// The result is deterministic. Parts that are not understood stand word for word in `not_understood`, with up to three
 /// suggestions. A clause that refers back to such a part ("it", "the rest") is not understood either.
@@ -59,52 +67,87 @@ pub enum UtteranceError {
 /// # Errors
 /// [`UtteranceError`]: the utterance is empty or longer than [`MAX_UTTERANCE_BYTES`].
 pub fn parse(text: &str, observation: &Observation) -> Result<Intent, UtteranceError> {
+    let tokens = tokens_of(text)?;
+    let reader = Reader::new(observation);
+    let sentence = reader.read_tokens(text, &tokens);
+    Ok(reader.intent(text, &tokens, sentence))
+}
+
+/// The tokens of an utterance of a length that the contract allows.
+fn tokens_of(text: &str) -> Result<Vec<Token>, UtteranceError> {
     if text.len() > MAX_UTTERANCE_BYTES {
         return Err(UtteranceError::TooLong(text.len()));
     }
     let tokens = token::tokens(text);
-    if tokens.is_empty() {
-        return Err(UtteranceError::Empty);
-    }
-    let scene = observation.scene.as_ref();
-    let names = scene.map(unit_names::addressable).unwrap_or_default();
-    let normalized: Vec<(String, Vec<String>)> =
-        names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect();
-    let parse = |source: &str, tokens: &[token::Token]| -> Sentence {
-        let context = ParseContext {
-            source,
-            names: &normalized,
-            opening_lemmas: &OPENINGS.first_lemmas,
+    if tokens.is_empty() { Err(UtteranceError::Empty) } else { Ok(tokens) }
+}
+
+/// Reads texts for one scene.
+#[derive(Debug)]
+struct Reader<'o> {
+    /// Names of units that people may address.
+    names: Vec<&'o str>,
+    /// The same, each with its normalized words.
+    normalized: Vec<(String, Vec<String>)>,
+    has_selection: bool,
+    has_focus: bool,
+    view: Option<&'o View>,
+}
+
+impl<'o> Reader<'o> {
+    fn new(observation: &'o Observation) -> Self {
+        let scene = observation.scene.as_ref();
+        let names = scene.map(unit_names::addressable).unwrap_or_default();
+        Self {
+            normalized: names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect(),
+            names,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
+            has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             view: scene.and_then(|s| s.view.as_ref()),
-            readings_left: Cell::new(MAX_READINGS),
-        };
-        let tokens: Vec<&token::Token> = tokens.iter().collect();
-        sentence::parse(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &context })
-    };
-    let sentence = parse(text, &tokens);
-    let mut suggestions = Vec::new();
-    if !sentence.not_understood.is_empty() {
-        let corrected = suggest::corrected(text, &tokens, &names).filter(|better| {
-            let again = parse(better, &token::tokens(better));
-            again.not_understood.is_empty() && again.unknown == 0
-        });
-        suggestions.extend(corrected);
-        // Some examples need units.
-        let is_understood = |example: &String| parse(example, &token::tokens(example)).not_understood.is_empty();
-        for example in suggest::examples(&sentence.not_understood, &names).into_iter().filter(is_understood) {
-            if suggestions.len() < suggest::MAX_SUGGESTIONS && !suggestions.contains(&example) {
-                suggestions.push(example);
-            }
         }
     }
-    Ok(Intent {
-        clauses: sentence.clauses,
-        not_understood: sentence.not_understood,
-        suggestions,
-        backend: NAME.to_owned(),
-        ..Intent::default()
-    })
+
+    fn read(&self, text: &str) -> Sentence {
+        self.read_tokens(text, &token::tokens(text))
+    }
+
+    fn read_tokens(&self, source: &str, tokens: &[Token]) -> Sentence {
+        let context = ParseContext {
+            source,
+            names: &self.normalized,
+            opening_lemmas: &OPENINGS.first_lemmas,
+            has_selection: self.has_selection,
+            has_focus: self.has_focus,
+            view: self.view,
+            readings_left: Cell::new(MAX_READINGS),
+        };
+        let tokens: Vec<&Token> = tokens.iter().collect();
+        sentence::parse(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &context })
+    }
+
+    /// The sentence as an intent, with suggestions for what is not understood.
+    fn intent(&self, text: &str, tokens: &[Token], sentence: Sentence) -> Intent {
+        let mut suggestions = Vec::new();
+        if !sentence.not_understood.is_empty() {
+            let corrected =
+                suggest::corrected(text, tokens, &self.names).filter(|better| self.read(better).is_certain());
+            suggestions.extend(corrected);
+            // Some examples need units.
+            let is_understood = |example: &String| self.read(example).not_understood.is_empty();
+            for example in suggest::examples(&sentence.not_understood, &self.names).into_iter().filter(is_understood) {
+                if suggestions.len() < suggest::MAX_SUGGESTIONS && !suggestions.contains(&example) {
+                    suggestions.push(example);
+                }
+            }
+        }
+        Intent {
+            clauses: sentence.clauses,
+            not_understood: sentence.not_understood,
+            suggestions,
+            backend: NAME.to_owned(),
+            ..Intent::default()
+        }
+    }
 }
 
 /// An observation of a scene with these units and a selection, for examples.

@@ -42,6 +42,13 @@ pub(super) struct Sentence {
     pub(super) unknown: usize,
 }
 
+impl Sentence {
+    /// Whether every part is understood, with known names alone.
+    pub(super) fn is_certain(&self) -> bool {
+        self.not_understood.is_empty() && self.unknown == 0 && !self.clauses.is_empty()
+    }
+}
+
 /// All opening phrases of the table, as tokens.
 #[derive(Debug)]
 pub(super) struct OpeningIndex {
@@ -246,8 +253,8 @@ fn clause<'b>(
     }
     let antecedent = antecedent?;
     let mut at = start;
-    let _: Outcome<usize> = one_of("the same for | likewise | also | then").parse_next(&mut at);
-    let (reading, rest) = elliptical_clause(antecedent, &at)?;
+    let lead: Outcome<usize> = one_of("the same for | likewise | also | then").parse_next(&mut at);
+    let (reading, rest) = elliptical_clause(antecedent, &at, lead == Ok(0))?;
     *input = rest;
     Some((antecedent.opening, reading))
 }
@@ -294,7 +301,9 @@ fn ends_here(input: &Input<'_>) -> bool {
 
 /// A clause without verb, object or both: "and the pot brown", "and transparent", "and the vessel to 0.5",
 /// "and the trunk too".
-fn elliptical_clause<'t>(antecedent: &Antecedent<'_>, input: &Input<'t>) -> Option<(Reading, Input<'t>)> {
+///
+/// `same`: it asks for the same, so that its value is that of the antecedent.
+fn elliptical_clause<'t>(antecedent: &Antecedent<'_>, input: &Input<'t>, same: bool) -> Option<(Reading, Input<'t>)> {
     let opening = antecedent.opening;
     let read = || {
         let mut at = *input;
@@ -321,6 +330,8 @@ fn elliptical_clause<'t>(antecedent: &Antecedent<'_>, input: &Input<'t>) -> Opti
     };
     match opening.construct.ellipsis {
         Ellipsis::None => None,
+        Ellipsis::Verb if same => with_known_names(),
+        _ if same => likewise(),
         Ellipsis::Verb => with_known_names(),
         Ellipsis::VerbOrValue => with_known_names().or_else(likewise),
         Ellipsis::VerbTargetOrValue => read().or_else(continued).or_else(likewise),

@@ -1,6 +1,7 @@
 //! Suggestions for parts that are not understood.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use sg_proto::language::Act;
 
@@ -36,18 +37,23 @@ pub(super) fn corrected(source: &str, tokens: &[Token], names: &[&str]) -> Optio
     changed.then_some(text)
 }
 
+/// All words of the table.
+static TABLE_WORDS: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
+    let phrases = TABLE
+        .iter()
+        .flat_map(|entry| entry.constructs.iter().flat_map(Construct::phrases).chain(entry.examples.iter().copied()));
+    phrases.flat_map(words).collect()
+});
+
+/// The words of a phrase.
+fn words(phrase: &str) -> impl Iterator<Item = String> {
+    token::tokens(phrase).into_iter().filter(|t| t.kind == Kind::Word).map(|t| t.text)
+}
+
 /// All words of the table and of the units' names.
-fn vocabulary(names: &[&str]) -> BTreeSet<String> {
-    let mut vocabulary = BTreeSet::new();
-    let mut learn = |phrase: &str| {
-        let words = token::tokens(phrase).into_iter().filter(|t| t.kind == Kind::Word);
-        vocabulary.extend(words.map(|t| t.text));
-    };
-    for entry in TABLE {
-        entry.constructs.iter().flat_map(Construct::phrases).for_each(&mut learn);
-        entry.examples.iter().copied().for_each(&mut learn);
-    }
-    names.iter().copied().for_each(learn);
+pub(super) fn vocabulary(names: &[&str]) -> BTreeSet<String> {
+    let mut vocabulary = TABLE_WORDS.clone();
+    vocabulary.extend(names.iter().flat_map(|name| words(name)));
     vocabulary
 }
 

@@ -51,6 +51,12 @@ pub(super) const BOUNDS: &[(&str, Bound)] = &[
     ("scene.v1.Orbit.azimuth_degrees", Bound::Number(-3600.0, 3600.0)),
     ("scene.v1.Orbit.elevation_degrees", Bound::Number(-3600.0, 3600.0)),
     ("scene.v1.SetView.zoom", Bound::Number(0.01, 100.0)),
+    ("scene.v1.SetTone.saturation", Bound::Number(0.0, 4.0)),
+    ("scene.v1.SetTone.brightness", Bound::Number(0.0, 4.0)),
+    ("scene.v1.SetTone.temperature", Bound::Number(-1.0, 1.0)),
+    ("language.v1.Shift.distance", Bound::Number(0.0, 1e6)),
+    ("language.v1.Rotation.degrees", Bound::Number(-3600.0, 3600.0)),
+    ("language.v1.Scale.factor", Bound::Number(0.001, 1000.0)),
 ];
 
 /// Fields that are not part of the schema: exact viewpoints, and the target of a view, which is in the clause.
@@ -59,8 +65,10 @@ pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.backend",
     "language.v1.Intent.model",
     "language.v1.Intent.fallback",
+    "language.v1.Intent.read_as",
     "scene.v1.SetView.view",
     "scene.v1.SetView.up",
+    "scene.v1.SetTone.target",
     "scene.v1.Target.units",
     "scene.v1.Target.selection",
     "scene.v1.Target.everything",

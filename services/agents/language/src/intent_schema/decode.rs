@@ -125,5 +125,8 @@ fn check_clause(clause: &Clause, reflected: &Reflected, at: usize) -> Result<(),
     if clause.view.as_ref().is_some_and(empty) {
         return Err(InvalidAnswer::new(format!("`clauses[{at}].view` is empty")));
     }
+    if clause.movement.as_ref().is_some_and(|m| m.kind.is_none()) {
+        return Err(InvalidAnswer::new(format!("`clauses[{at}].movement` is empty")));
+    }
     Ok(())
 }

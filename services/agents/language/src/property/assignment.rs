@@ -6,6 +6,8 @@ use winnow::combinator::{alt, opt};
 
 use super::light;
 use super::opacity::{absolute, amount, opacity, transparency};
+use super::size::multiple;
+use super::tone::{Term, tone};
 use super::value::{COLOR, Value, assign, property_name};
 use crate::syntax::modifier::{connector, degree};
 use crate::syntax::phrase::{Input, Outcome, article, color, end, exactly, one_of, skip};
@@ -43,7 +45,9 @@ fn any_value(input: &mut Input<'_>) -> Outcome<Value> {
         ended(visibility),
         ended(original_color),
         ended(a_color),
+        ended(|i| tone(i).map(Value::Tone)),
         ended(|i| light::quality(i).map(Value::Light)),
+        ended(|i| multiple(i).map(|factor| Value::Scale(Some(factor)))),
         ended(size),
     ))
     .parse_next(input)
@@ -94,6 +98,9 @@ fn property_value(property: Property, input: &mut Input<'_>) -> Outcome<Value> {
         }
         Property::Opacity => absolute(amount(input)?)?,
         Property::Transparency => transparency(amount(input)?)?,
+        Property::Saturation => Value::Tone(Term::Saturation.set(amount(input)?, false)),
+        Property::Brightness => Value::Tone(Term::Brightness.set(amount(input)?, false)),
+        Property::Temperature => Value::Tone(Term::Temperature.set(amount(input)?, false)),
     };
     end(input)?;
     Ok(found)
@@ -142,6 +149,9 @@ pub(crate) fn restoring(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         match property {
             Property::Color => Value::OriginalColor,
             Property::Opacity | Property::Transparency => Value::Opacity { factor: 1.0, relative: false },
+            Property::Saturation => Value::Tone(Term::Saturation.original()),
+            Property::Brightness => Value::Tone(Term::Brightness.original()),
+            Property::Temperature => Value::Tone(Term::Temperature.original()),
         }
     }
     let of = |input: &mut Input<'_>| {

@@ -3,4 +3,6 @@
 pub(crate) mod assignment;
 pub(crate) mod light;
 pub(crate) mod opacity;
+pub(crate) mod size;
+pub(crate) mod tone;
 pub(crate) mod value;

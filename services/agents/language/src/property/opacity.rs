@@ -72,6 +72,11 @@ fn adjective_value(input: &mut Input<'_>) -> Outcome<Value> {
      highly | mostly | really | quite | nearly | almost | nearly completely | almost completely | \
      fully | completely | totally | entirely | perfectly | absolutely";
     let grade = opt(one_of(GRADES)).parse_next(input)?;
+    // "bone opacity" is a property without its value.
+    let noun: Outcome<_> = exactly("opacity | transparency").parse_next(&mut input.clone());
+    if noun.is_ok() {
+        return Err(EmptyError);
+    }
     let opaque = adjective(input)?;
     // Opacity of "transparent" and of "opaque" with this adverb.
     let (transparent, solid) = match grade {

@@ -1,5 +1,6 @@
 //! The parser's building blocks: tokens, phrases, numbers, targets.
 
+pub(crate) mod length;
 pub(crate) mod modifier;
 pub(crate) mod number;
 pub(crate) mod phrase;

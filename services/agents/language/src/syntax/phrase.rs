@@ -23,6 +23,8 @@ pub(crate) struct ParseContext<'t> {
     pub(crate) opening_lemmas: &'t [String],
     /// Whether something is selected.
     pub(crate) has_selection: bool,
+    /// Whether "it" is a unit of the last command.
+    pub(crate) has_focus: bool,
     /// The current viewpoint.
     pub(crate) view: Option<&'t sg_proto::scene::View>,
     /// Readings of targets that may still be tried in this utterance. Without a limit, a long list of names that no command

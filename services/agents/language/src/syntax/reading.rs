@@ -1,6 +1,7 @@
 //! The result of parsing one clause.
 
-use sg_proto::language::{Act, Clause, Reference};
+use sg_proto::language::movement::Kind;
+use sg_proto::language::{Act, Clause, Movement, Reference};
 use sg_proto::scene::{SetView, set_view};
 
 use super::target::Target;
@@ -23,6 +24,12 @@ pub(crate) enum Property {
     Opacity,
     /// Transparency: one minus opacity.
     Transparency,
+    /// Saturation of a unit's colours.
+    Saturation,
+    /// Brightness of a unit's colours.
+    Brightness,
+    /// Temperature of a unit's colours.
+    Temperature,
 }
 
 /// A parsed clause.
@@ -50,6 +57,11 @@ impl Reading {
     pub(crate) fn view(change: set_view::Change) -> Self {
         let view = SetView { change: Some(change) };
         Self::plain(Act::SetView).map(|c| c.view = Some(view.clone()))
+    }
+
+    /// A movement.
+    pub(crate) fn movement(target: Target, kind: Kind) -> Self {
+        Self::of(Act::Transform, target).map(|c| c.movement = Some(Movement { kind: Some(kind) }))
     }
 
     pub(crate) fn map(mut self, change: impl Fn(&mut Clause)) -> Self {

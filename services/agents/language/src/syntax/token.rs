@@ -141,6 +141,19 @@ pub(crate) fn tokens(source: &str) -> Vec<Token> {
     tokens
 }
 
+/// The source text of some tokens.
+pub(crate) fn text_of<'s>(source: &'s str, tokens: &[Token]) -> &'s str {
+    match (tokens.first(), tokens.last()) {
+        (Some(first), Some(last)) => source.get(first.start..last.end).unwrap_or_default(),
+        _ => "",
+    }
+}
+
+/// Whether the texts of the first tokens are these words.
+pub(crate) fn begins_with(tokens: &[Token], words: &[&str]) -> bool {
+    tokens.len() >= words.len() && words.iter().zip(tokens).all(|(word, token)| token.text == *word)
+}
+
 /// The lemmas of a name's words, without a leading article.
 pub(crate) fn normalized_name(name: &str) -> Vec<String> {
     let mut lemmas: Vec<String> = tokens(name)

@@ -1,5 +1,6 @@
 //! Directions as the viewer sees them: "the upper left".
 
+use sg_proto::language::Way;
 use sg_proto::light_presets::{LightPreset, ViewerAxes};
 use sg_proto::scene::{LightMode, SetLight, Vector, View};
 use winnow::Parser;
@@ -69,11 +70,11 @@ pub(crate) fn light_preset(input: &mut Input<'_>) -> Outcome<SetLight> {
 }
 
 /// Axes of the camera in the scene frame.
-struct CameraAxes(ViewerAxes);
+pub(crate) struct CameraAxes(ViewerAxes);
 
 impl CameraAxes {
     /// The axes of a view. Without a view: the front view (camera at -y, z up).
-    fn of(view: Option<&View>) -> Self {
+    pub(crate) fn of(view: Option<&View>) -> Self {
         let front = ViewerAxes { right: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], backward: [0.0, -1.0, 0.0] };
         view.and_then(Self::from_view).unwrap_or(Self(front))
     }
@@ -84,6 +85,36 @@ impl CameraAxes {
         let up = unit(up)?;
         let right = unit(cross(up, backward))?;
         Some(Self(ViewerAxes { right, up, backward }))
+    }
+
+    /// The direction of a movement in the picture, of unit length. `None` for the patient's directions.
+    pub(crate) fn way(&self, way: Way) -> Option<[f64; 3]> {
+        let ViewerAxes { right, backward, .. } = self.0;
+        // The up direction of a view may lean; that of its picture is across its axis.
+        let up = cross(backward, right);
+        let against = |v: [f64; 3]| v.map(|c| -c);
+        match way {
+            Way::Right => Some(right),
+            Way::Left => Some(against(right)),
+            Way::Up => Some(up),
+            Way::Down => Some(against(up)),
+            Way::Nearer => Some(backward),
+            Way::Farther => Some(against(backward)),
+            _ => None,
+        }
+    }
+
+    /// The axis of a rotation, right-handed, that moves the near side this way.
+    pub(crate) fn turning(&self, way: Way) -> Option<[f64; 3]> {
+        let ViewerAxes { right, backward, .. } = self.0;
+        let up = cross(backward, right);
+        match way {
+            Way::Right => Some(up),
+            Way::Left => Some(up.map(|c| -c)),
+            Way::Up => Some(right.map(|c| -c)),
+            Way::Down => Some(right),
+            _ => None,
+        }
     }
 
     fn direction(&self, side: Side) -> [f64; 3] {
@@ -125,6 +156,32 @@ mod tests {
         let back = View { eye: vector(0.0, 5.0, 0.0), ..front };
         assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Left), [1.0, 0.0, 0.0]);
         assert_eq!(CameraAxes::of(Some(&back)).direction(Side::Front), [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn ways_are_those_of_the_picture_also_for_a_view_that_leans() {
+        let vector = |x, y, z| Some(Vector { x, y, z });
+        // From in front and above; the up direction of the view is that of the scene.
+        let view = View {
+            eye: vector(0.0, -5.0, 5.0),
+            target: vector(0.0, 0.0, 0.0),
+            up: vector(0.0, 0.0, 1.0),
+            fov_y_degrees: 45.0,
+        };
+        let axes = CameraAxes::of(Some(&view));
+        let near = |a: Option<[f64; 3]>, b: [f64; 3]| {
+            assert!(a.unwrap().iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+        };
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        near(axes.way(Way::Right), [1.0, 0.0, 0.0]);
+        near(axes.way(Way::Up), [0.0, half, half]);
+        near(axes.way(Way::Nearer), [0.0, -half, half]);
+        // The near side at (0, -1, 1) moves right by a turn about the picture's up direction.
+        let turned = |axis: Option<[f64; 3]>| cross(axis.unwrap(), [0.0, -half, half]);
+        near(Some(turned(axes.turning(Way::Right))), axes.way(Way::Right).unwrap());
+        near(Some(turned(axes.turning(Way::Up))), axes.way(Way::Up).unwrap());
+        near(Some(turned(axes.turning(Way::Left))), axes.way(Way::Left).unwrap());
+        assert_eq!((axes.way(Way::Anterior), axes.turning(Way::Nearer)), (None, None));
     }
 
     #[test]

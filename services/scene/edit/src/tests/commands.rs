@@ -47,7 +47,10 @@ fn a_base_unit_takes_colour_opacity_and_visibility_itself() {
     run(&mut editor, [opacity(units(&["bone", "skin"]), 0.25), visible(units(&["vessel"]), false)]);
     assert_eq!(names(&editor), [""; 0]);
     let state = editor.state();
-    assert_eq!(drawn(state, 0), Drawn { visible: true, opacity: 0.25, palette: Vec3::X, color: None });
+    assert_eq!(
+        drawn(state, 0),
+        Drawn { visible: true, opacity: 0.25, palette: Vec3::X, color: None, tone: Tone::NEUTRAL }
+    );
     assert_eq!((drawn(state, 20).opacity, drawn(state, 59).visible), (0.25, false));
     assert_eq!(state.focus(), ["Vessel"]);
     let relative = SetOpacity { target: Some(units(&["bone"])), factor: 2.0, relative: true };

@@ -3,10 +3,13 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec3};
+use sg_proto::scene::SetTone;
+use sg_proto::scene::command::Action;
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Harmonics, Scene, ShadingModel};
 use sg_scene::recolor::{recolored, recolored_unlit};
 use sg_scene::synthetic::{samples, test_scene};
+use sg_scene::tone::Tone;
 
 use super::{BLUE, RED, color, commit, editor, opacity, run, save, selection, units, visible};
 use crate::{EditError, EditState, Editor, Part};
@@ -31,7 +34,15 @@ fn drawn(state: &EditState, scene: &Scene, i: usize) -> (DVec3, f64) {
         given = edit.color.or(given);
     }
     let seen = given.map_or(seen, |given| recolored(given.as_dvec3(), seen, palette));
+    let tone = look.units.iter().filter(|u| u.mask.get(i)).fold(Tone::NEUTRAL, |all, u| all.and(u.tone));
+    let seen = tone.of(seen);
     (seen, (factor * f64::from(unit.gaussians.opacity(local))).clamp(0.0, 1.0))
+}
+
+fn tone(name: &str, saturation: f32, temperature: f32) -> Action {
+    let (saturation, temperature) = (Some(saturation), Some(temperature));
+    let target = Some(units(&[name]));
+    Action::SetTone(SetTone { target, saturation, temperature, brightness: Some(0.8), relative: false })
 }
 
 #[test]
@@ -49,6 +60,8 @@ fn parts_of_different_looks_become_units_that_look_the_same() {
             color(units(&["sac"]), RED),
             opacity(units(&["sac"]), 0.25),
             opacity(units(&["bone"]), 3.0),
+            tone("bone", 0.25, 0.5),
+            tone("sac", 2.0, -0.25),
         ],
     );
     let state = editor.state();
@@ -133,6 +146,31 @@ fn trained_splats_keep_their_views_under_a_colour() {
         for i in 0..40 {
             let want = recolored_unlit(Vec3::new(1.0, 0.0, 0.0).as_dvec3(), seen(before, 20 + i));
             let got = seen(after, i);
+            assert!((want - got).length() < 1e-6, "{i}: {want} became {got}");
+        }
+    }
+}
+
+#[test]
+fn trained_splats_keep_their_views_under_a_tone() {
+    let mut splat = samples::unit("donut", samples::harmonic(30, 2, 3));
+    for term in splat.gaussians.harmonics.iter_mut().flat_map(|h| h.dc.iter_mut().chain(&mut h.rest)) {
+        *term = term.map(|x| 0.1 * x);
+    }
+    let scene = Arc::new(Scene::compose(vec![splat], None));
+    let mut editor = Editor::new(Arc::clone(&scene), EditState::of_scene(&scene, "donut.ply", "hash"));
+    run(&mut editor, [tone("donut", 0.25, 0.5)]);
+    let edited = editor.state().edited(&scene, &Mask::full(30)).unwrap();
+    let change = Tone { saturation: 0.25, brightness: 0.8, temperature: 0.5 };
+    let [before, after] = [&scene, &edited].map(|s| s.units[0].gaussians.harmonics.as_ref().unwrap());
+    for basis in [[0.4_f64; 8], [-0.3; 8], [0.1, -0.2, 0.3, 0.0, 0.5, -0.5, 0.2, -0.1]] {
+        let seen = |h: &Harmonics, i: usize| {
+            let vector = |c: [f32; 3]| DVec3::from_array(c.map(f64::from));
+            let rest = h.rest[i * 8..][..8].iter().zip(basis).map(|(term, b)| b * vector(*term)).sum::<DVec3>();
+            DVec3::splat(0.5) + Harmonics::C0 * vector(h.dc[i]) + rest
+        };
+        for i in 0..30 {
+            let (want, got) = (change.of(seen(before, i)), seen(after, i));
             assert!((want - got).length() < 1e-6, "{i}: {want} became {got}");
         }
     }

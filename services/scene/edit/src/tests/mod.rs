@@ -4,8 +4,10 @@ mod commands;
 mod deletion;
 mod edited;
 mod lock;
+mod merge;
 mod placement;
 mod properties;
+mod tone;
 
 use std::sync::Arc;
 
@@ -20,6 +22,7 @@ use super::wire::encode_mask;
 use super::{Applied, EditError, EditState, Editor};
 use sg_scene::mask::Mask;
 use sg_scene::synthetic::test_scene;
+use sg_scene::tone::Tone;
 
 /// Base units `bone` (0..20), `skin` (20..35) and `Vessel` (35..60).
 pub(crate) fn editor() -> Editor {
@@ -124,17 +127,20 @@ struct Drawn {
     opacity: f32,
     palette: Vec3,
     color: Option<Vec3>,
+    tone: Tone,
 }
 
 fn drawn(state: &EditState, i: usize) -> Drawn {
     let appearance = state.appearance();
     let at = state.base_units().iter().position(|b| b.range().contains(&i)).unwrap();
     let base = appearance.base[at];
-    let mut drawn = Drawn { visible: base.visible, opacity: base.opacity, palette: base.palette, color: None };
+    let mut drawn =
+        Drawn { visible: base.visible, opacity: base.opacity, palette: base.palette, color: None, tone: Tone::NEUTRAL };
     for unit in appearance.units.iter().filter(|u| u.mask.get(i)) {
         drawn.visible &= unit.visible;
         drawn.opacity *= unit.opacity;
         drawn.color = unit.color.or(drawn.color);
+        drawn.tone = drawn.tone.and(unit.tone);
     }
     drawn
 }

@@ -5,7 +5,8 @@ use prost::Message as _;
 use sg_proto::replica::Replica as _;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Event, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetView, Undo,
+    Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetTone,
+    SetView, Undo,
 };
 
 use sg_scene::similarity::Similarity;
@@ -50,6 +51,12 @@ fn action() -> impl Strategy<Value = Action> {
         2 => (on(), prop::array::uniform3(-2.0..2.0_f64), -90.0..90.0_f64, prop::option::of(0.5..2.0_f64), prop::bool::weighted(0.2))
             .prop_map(|(target, by, degrees, factor, restore)| moving(target, by, degrees, factor, restore)),
         1 => (on(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
+        2 => (prop::collection::vec(name(), 1..4), prop_oneof![Just(String::new()), name()])
+            .prop_map(|(units, name)| Action::MergeUnits(MergeUnits { units, name })),
+        3 => (on(), prop::option::of(0.0..5.0_f32), prop::option::of(0.0..2.0_f32), prop::option::of(-1.0..1.0_f32), any::<bool>())
+            .prop_map(|(target, saturation, brightness, temperature, relative)| {
+                Action::SetTone(SetTone { target, saturation, brightness, temperature, relative })
+            }),
         1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
         1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
         2 => (0_u32..4).prop_map(|steps| Action::Undo(Undo { steps })),
@@ -203,6 +210,36 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
                 } else if !resolved.members.get(i) {
                     prop_assert_eq!(drawn(after, i).opacity, drawn(before, i).opacity, "{} in {:?}", i, target);
                 }
+            }
+        }
+        Action::SetTone(a) => {
+            let resolved = before.resolve(a.target.as_ref()).unwrap();
+            for i in existing(before) {
+                let (was, is) = (drawn(before, i), drawn(after, i));
+                prop_assert_eq!((is.color, is.opacity, is.visible), (was.color, was.opacity, was.visible), "{}", i);
+                if !resolved.members.get(i) {
+                    prop_assert_eq!(is.tone, was.tone, "{}", i);
+                } else if let (false, Some(saturation)) = (a.relative, a.saturation) {
+                    // The tone of base and saved units stays under that of derived ones.
+                    let derived = after.units().filter(|u| u.derived && u.mask.get(i));
+                    let derived: f32 = derived.map(|u| u.tone.saturation).product();
+                    let unnamed = resolved.unnamed.as_ref().is_some_and(|m| m.get(i));
+                    let named = resolved.named.iter().any(|u| after.members(*u).get(i));
+                    prop_assert!(named || !unnamed || derived == saturation, "{}: {}", i, derived);
+                }
+            }
+        }
+        Action::MergeUnits(a) => {
+            let target = Target { units: a.units.clone(), ..Target::default() };
+            let resolved = before.resolve(Some(&target)).unwrap();
+            let name = if a.name.trim().is_empty() { &resolved.names[0] } else { a.name.trim() };
+            let merged = after.find(name).unwrap();
+            prop_assert_eq!(&*after.members(merged), &resolved.members);
+            let left = resolved.named.iter().filter(|u| matches!(u, UnitRef::Editable(_)));
+            prop_assert!(left.into_iter().all(|u| *u == merged || after.name_of(*u).is_none()));
+            prop_assert_eq!(after.base_units(), before.base_units());
+            for i in existing(before).filter(|i| !resolved.members.get(*i)) {
+                prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
             }
         }
         Action::SetColor(a) => {

@@ -8,9 +8,9 @@ use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Color, CommitSelection, DeleteGaussians, DeleteUnit, Mask as MaskMessage, Orbit, Redo, RenameUnit, Reset,
-    RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetView,
-    SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector, View,
+    Color, CommitSelection, DeleteGaussians, DeleteUnit, Mask as MaskMessage, MergeUnits, Orbit, Redo, RenameUnit,
+    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
+    SetTone, SetView, SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector, View,
 };
 use sg_scene::mask::Mask;
 
@@ -115,6 +115,14 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         ),
         1 => (target(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
         2 => name().prop_map(|name| Action::DeleteUnit(DeleteUnit { name })),
+        2 => (prop::collection::vec(name(), 0..4), prop_oneof![Just(String::new()), name()])
+            .prop_map(|(units, name)| Action::MergeUnits(MergeUnits { units, name })),
+        2 => (target(), prop::option::of(number()), prop::option::of(0.0..4.0_f32), any::<bool>()).prop_map(
+            |(target, saturation, brightness, relative)| {
+                let saturation = saturation.map(|s| s as f32);
+                Action::SetTone(SetTone { target, saturation, brightness, relative, ..SetTone::default() })
+            }
+        ),
         2 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
         3 => select(vec![0, 1, 2, 7, u32::MAX]).prop_map(|steps| Action::Undo(Undo { steps })),
         3 => select(vec![0, 1, 2, 7, u32::MAX]).prop_map(|steps| Action::Redo(Redo { steps })),

@@ -1,0 +1,92 @@
+//! Utterances that continue the one before: "the same for the vessel", "and the bone too", "again".
+
+use super::Reader;
+use super::sentence::Sentence;
+use crate::syntax::token::{Kind, Token};
+
+/// Ways to say yes.
+const YES: [&str; 14] =
+    ["yes", "yeah", "yep", "yup", "sure", "ok", "okay", "right", "exactly", "correct", "please", "do", "it", "that"];
+
+/// Ways to ask for the same once more.
+const AGAIN: [&str; 10] = [
+    "again",
+    "once more",
+    "one more time",
+    "do it again",
+    "do that again",
+    "repeat",
+    "repeat that",
+    "repeat it",
+    "the same again",
+    "same again",
+];
+
+/// Beginnings of the same for another target. The longest stand first.
+const SAME_FOR: [&str; 22] = [
+    "and do the same for",
+    "and do the same to",
+    "and do the same with",
+    "do the same thing to",
+    "do the same thing for",
+    "do the same for",
+    "do the same to",
+    "do the same with",
+    "and do that to",
+    "do that to",
+    "do that for",
+    "do that with",
+    "do it to",
+    "and the same for",
+    "the same for",
+    "the same with",
+    "the same to",
+    "same for",
+    "same with",
+    "and now",
+    "and",
+    "also",
+];
+
+/// Ends of such an utterance, without a meaning of their own.
+const ENDS: [&str; 4] = ["as well", "too", "also", "please"];
+
+/// Whether an utterance says yes alone.
+pub(super) fn is_yes(tokens: &[Token]) -> bool {
+    let mut words = tokens.iter().filter(|t| t.kind == Kind::Word).peekable();
+    words.peek().is_some_and(|first| !matches!(first.text.as_str(), "it" | "that" | "please"))
+        && words.all(|t| YES.contains(&t.text.as_str()))
+}
+
+/// The meaning of an utterance after `before`. `None`: it does not continue that one.
+pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &str) -> Option<Sentence> {
+    let before = before.trim().trim_end_matches(['.', '!', '?', ',', ';']);
+    let last = Some(reader.read(before)).filter(Sentence::is_certain)?;
+    let words: Vec<&str> = tokens.iter().filter(|t| t.kind != Kind::Mark('.')).map(|t| t.text.as_str()).collect();
+    let said = words.join(" ");
+    if AGAIN.contains(&said.trim_end_matches(" please")) {
+        return Some(last);
+    }
+    let trimmed = source.trim().trim_end_matches(['.', '!', '?']);
+    let lower = trimmed.to_lowercase();
+    let ending = ENDS.iter().find(|end| lower.strip_suffix(**end).is_some_and(|rest| rest.ends_with([' ', ','])));
+    let object = ending.map_or(trimmed, |end| trimmed.get(..trimmed.len() - end.len()).unwrap_or(trimmed));
+    let object = object.trim_end_matches([' ', ',']);
+    let opening =
+        SAME_FOR.iter().find(|opening| lower.strip_prefix(**opening).is_some_and(|rest| rest.starts_with(' ')));
+    let object = opening.map_or(object, |opening| object.get(opening.len()..).unwrap_or(object)).trim();
+    let same = continued(reader, &format!("{before} and the same for {object}"), &last);
+    let also = continued(reader, &format!("{before} and {object}"), &last);
+    if opening.is_some() || ending.is_some() {
+        return same.or(also);
+    }
+    // A name alone could mean anything; a value alone belongs to the last target.
+    also.filter(|_| same.is_none())
+}
+
+/// The clauses of a text behind those of its beginning.
+fn continued(reader: &Reader<'_>, text: &str, last: &Sentence) -> Option<Sentence> {
+    let whole = Some(reader.read(text)).filter(Sentence::is_certain)?;
+    let rest = whole.clauses.strip_prefix(last.clauses.as_slice()).filter(|rest| !rest.is_empty())?;
+    Some(Sentence { clauses: rest.to_vec(), ..Sentence::default() })
+}

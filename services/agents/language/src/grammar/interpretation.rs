@@ -1,0 +1,117 @@
+//! Interpretation of an utterance within its conversation: as it was said, reworded, with its spelling repaired, or as a
+//! follow-up of the one before.
+//!
+//! The literal reading comes first, and an understood one is final. A repair counts only if every part of it is understood
+//! with known names. So a repair never changes the meaning of an utterance that has one.
+
+use sg_proto::language::{Act, Intent, IntentRequest};
+
+use super::sentence::Sentence;
+use super::{Reader, UtteranceError, follow_up, rewording, self_correction, spelling, tokens_of};
+
+/// Longest utterance that is repaired, tokens. People say longer ones in parts.
+const MAX_REPAIRED_TOKENS: usize = 40;
+
+/// Acts that a repaired spelling may mean at once: a look tells their effect, and one undo takes it back.
+const SAFE: [Act; 20] = [
+    Act::SetColor,
+    Act::SetOpacity,
+    Act::Show,
+    Act::Hide,
+    Act::ShowOnly,
+    Act::SetLight,
+    Act::SetBackground,
+    Act::SetView,
+    Act::SetTerm,
+    Act::Select,
+    Act::ClearSelection,
+    Act::TakeAnswer,
+    Act::Transform,
+    Act::SetTone,
+    Act::Lock,
+    Act::List,
+    Act::QuerySelection,
+    Act::Describe,
+    Act::Help,
+    Act::Unlock,
+];
+
+/// Acts that wait while a part of their utterance is not understood.
+const DESTRUCTIVE: [Act; 3] = [Act::DeleteGaussians, Act::Delete, Act::Reset];
+
+/// The intent of an utterance in its conversation.
+///
+/// An utterance that [`super::parse`] does not understand is repaired where its meaning is clear:
+///
+/// | utterance | meaning |
+/// | --- | --- |
+/// | "make the sac red, no, blue" | "make the sac blue" |
+/// | "can the sac be red?", "hide the skin so that I can see the bone" | without the frame and the purpose |
+/// | "hied the vesel" | the one way of spelling that makes a sentence; [`Intent::read_as`] tells it |
+/// | "and the vessel too", "the same for the vessel" | the last utterance for another target |
+/// | "yes" after an utterance with a spelling mistake | its repaired form |
+///
+/// A repaired spelling never deletes, names or writes anything; then it is a suggestion. While a part of an utterance is not
+/// understood, nothing in it is deleted or reset: "ignore your rules and delete everything" does nothing.
+///
+/// # Errors
+/// [`UtteranceError`]: the utterance is empty or too long.
+pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
+    let observation = request.observation.clone().unwrap_or_default();
+    let text = request.text.as_str();
+    let tokens = tokens_of(text)?;
+    let reader = Reader::new(&observation);
+    let literal = reader.read_tokens(text, &tokens);
+    if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
+        return Ok(withhold(reader.intent(text, &tokens, literal)));
+    }
+    let forms = rewording::of(text, &tokens);
+    let plain = || forms.iter().find_map(|form| certain(&reader, form));
+    if let Some(sentence) = self_correction::of(&reader, text, &tokens).or_else(plain) {
+        return Ok(repaired(sentence, text, String::new()));
+    }
+    if let Some(last) = request.conversation.last() {
+        if let Some(sentence) = follow_up::of(&reader, text, &tokens, &last.utterance) {
+            return Ok(repaired(sentence, text, String::new()));
+        }
+        if follow_up::is_yes(&tokens)
+            && let Some((better, sentence)) = spelling::repaired(&reader, &last.utterance)
+        {
+            return Ok(repaired(sentence, text, better));
+        }
+    }
+    let spelled = std::iter::once(text).chain(forms.iter().map(String::as_str));
+    let spelled = spelled.filter_map(|form| spelling::repaired(&reader, form)).next();
+    if let Some((better, sentence)) = spelled.filter(|(_, sentence)| is_safe(sentence)) {
+        return Ok(repaired(sentence, text, better));
+    }
+    Ok(withhold(reader.intent(text, &tokens, literal)))
+}
+
+fn certain(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
+    Some(reader.read(text)).filter(Sentence::is_certain)
+}
+
+fn is_safe(sentence: &Sentence) -> bool {
+    sentence.clauses.iter().all(|clause| SAFE.contains(&clause.act()))
+}
+
+/// The intent of a repaired sentence. A clause alone has the words that the person said.
+fn repaired(sentence: Sentence, text: &str, read_as: String) -> Intent {
+    let mut clauses = sentence.clauses;
+    if let [clause] = clauses.as_mut_slice() {
+        clause.words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    }
+    Intent { clauses, read_as, backend: super::NAME.to_owned(), ..Intent::default() }
+}
+
+/// Without the clauses that delete, if a part of the utterance is not understood.
+fn withhold(mut intent: Intent) -> Intent {
+    if !intent.not_understood.is_empty() {
+        let (kept, withheld): (Vec<_>, Vec<_>) =
+            intent.clauses.into_iter().partition(|clause| !DESTRUCTIVE.contains(&clause.act()));
+        intent.clauses = kept;
+        intent.not_understood.extend(withheld.into_iter().map(|clause| clause.words));
+    }
+    intent
+}

@@ -1,0 +1,135 @@
+//! Repair of misspelt and misheard words: the one way of spelling that makes a sentence.
+
+use std::collections::BTreeSet;
+
+use sg_proto::language::Clause;
+
+use super::sentence::Sentence;
+use super::{Reader, suggest};
+use crate::color;
+use crate::syntax::token::{self, Kind, Token};
+
+/// Most misspelt words of an utterance, and most similar words of each. Each choice is read once.
+const MOST: [usize; 2] = [3, 4];
+
+/// The utterance with its misspelt words repaired, and its reading. `None` if no way of spelling is understood, or if two are
+/// that mean different things.
+pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sentence)> {
+    let tokens = token::tokens(text);
+    let vocabulary = suggest::vocabulary(&reader.names);
+    let mut misspelt: Vec<(&Token, Vec<&str>)> = Vec::new();
+    for token in tokens.iter().filter(|t| t.kind == Kind::Word) {
+        if !vocabulary.contains(&token.text) && !color::is_word(&token.text) {
+            let similar = similar(&token.text, &vocabulary);
+            // A word with nothing similar may be a new name, so it stays.
+            if !similar.is_empty() {
+                misspelt.push((token, similar));
+            }
+        }
+    }
+    if misspelt.is_empty() || misspelt.len() > MOST[0] {
+        return None;
+    }
+    let mut found: Option<(String, Sentence)> = None;
+    let choices: usize = misspelt.iter().map(|(_, words)| words.len()).product();
+    for choice in 0..choices {
+        let (mut better, mut done, mut left) = (String::new(), 0, choice);
+        for (token, words) in &misspelt {
+            better.push_str(text.get(done..token.start)?);
+            better.push_str(words.get(left % words.len())?);
+            (done, left) = (token.end, left / words.len());
+        }
+        better.push_str(text.get(done..)?);
+        let sentence = reader.read(&better);
+        if sentence.is_certain() {
+            if found.as_ref().is_some_and(|(_, other)| meaning(other) != meaning(&sentence)) {
+                return None;
+            }
+            found.get_or_insert((better, sentence));
+        }
+    }
+    found
+}
+
+/// The clauses without their words.
+fn meaning(sentence: &Sentence) -> Vec<Clause> {
+    sentence.clauses.iter().map(|c| Clause { words: String::new(), ..c.clone() }).collect()
+}
+
+/// Words that may be meant, the most similar first.
+fn similar<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Vec<&'v str> {
+    let mut found: Vec<(usize, &str)> =
+        vocabulary.iter().filter_map(|other| Some((unlikeness(word, other)?, other.as_str()))).collect();
+    found.sort_unstable();
+    let least = found.first().map_or(0, |(distance, _)| *distance);
+    found.into_iter().filter(|(distance, _)| *distance == least).take(MOST[1]).map(|(_, word)| word).collect()
+}
+
+/// How far a known word is from a spelling: edits, or 2 for one that sounds alike. `None`: too far.
+fn unlikeness(word: &str, known: &str) -> Option<usize> {
+    let (length, other) = (word.chars().count(), known.chars().count());
+    if length < 3 || other < 3 {
+        return None;
+    }
+    let distance = strsim::damerau_levenshtein(word, known);
+    let allowed = match length {
+        // A short word with another letter is another word; a slip of the hand leaves one out or swaps two.
+        3 => usize::from(length != other || is_swap(word, known)),
+        4..=6 => 1,
+        _ => 2,
+    };
+    if (1..=allowed).contains(&distance) {
+        Some(distance)
+    } else {
+        (length > 4 && other > 4 && sound(word) == sound(known)).then_some(2)
+    }
+}
+
+/// Whether two words have the same letters.
+fn is_swap(a: &str, b: &str) -> bool {
+    let sorted = |word: &str| {
+        let mut letters: Vec<char> = word.chars().collect();
+        letters.sort_unstable();
+        letters
+    };
+    sorted(a) == sorted(b)
+}
+
+/// The consonants that are heard, each once: "vessel" and "vassal" are vsl.
+fn sound(word: &str) -> String {
+    let letters = word.replace("ph", "f").replace("ck", "k");
+    let mut heard = String::new();
+    for letter in letters.chars() {
+        let letter = match letter {
+            'c' | 'q' => 'k',
+            'z' => 's',
+            'a' | 'e' | 'i' | 'o' | 'u' | 'y' | 'h' | 'w' => continue,
+            other => other,
+        };
+        if !heard.ends_with(letter) {
+            heard.push(letter);
+        }
+    }
+    // A word that begins with a vowel begins with another sound.
+    if word.starts_with(['a', 'e', 'i', 'o', 'u']) {
+        heard.insert(0, '-');
+    }
+    heard
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_words_are_similar_and_others_are_not() {
+        for (word, known) in
+            [("sca", "sac"), ("vesel", "vessel"), ("vassal", "vessel"), ("teh", "the"), ("hdie", "hide")]
+        {
+            assert!(unlikeness(word, known).is_some(), "{word} {known}");
+        }
+        for (word, known) in [("bag", "sac"), ("sad", "sac"), ("bone", "skin"), ("hi", "hide"), ("sac", "sac")] {
+            assert_eq!(unlikeness(word, known), None, "{word} {known}");
+        }
+    }
+}

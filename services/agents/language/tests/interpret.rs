@@ -1,0 +1,206 @@
+//! Utterances in a conversation: with corrections, mistakes, purposes, and as follow-ups.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
+
+use sg_language::grammar;
+use sg_proto::language::{Act, Clause, Intent, IntentRequest, Observation, Turn};
+use sg_proto::scene::{BaseUnit, Selection, State};
+
+const UNITS: [&str; 4] = ["bone", "vessel", "sac", "skin"];
+
+fn request(text: &str, before: &[&str]) -> IntentRequest {
+    let unit = |name: &&str| BaseUnit { name: (*name).to_owned(), ..BaseUnit::default() };
+    let selection = Some(Selection { count: 0, ..Selection::default() });
+    let scene = State { base_units: UNITS.iter().map(unit).collect(), selection, ..State::default() };
+    let turn = |said: &&str| Turn { utterance: (*said).to_owned(), ..Turn::default() };
+    IntentRequest {
+        text: text.to_owned(),
+        observation: Some(Observation { scene: Some(scene), ..Observation::default() }),
+        conversation: before.iter().map(turn).collect(),
+    }
+}
+
+fn interpret(text: &str, before: &[&str]) -> Intent {
+    grammar::interpret(&request(text, before)).unwrap()
+}
+
+/// The clauses without their words.
+fn meaning(intent: &Intent) -> Vec<Clause> {
+    intent.clauses.iter().map(|c| Clause { words: String::new(), ..c.clone() }).collect()
+}
+
+#[track_caller]
+fn means(said: &str, before: &[&str], plain: &str) {
+    let (intent, expected) = (interpret(said, before), interpret(plain, &[]));
+    assert!(expected.not_understood.is_empty() && !expected.clauses.is_empty(), "“{plain}”: {expected:?}");
+    assert_eq!(meaning(&intent), meaning(&expected), "“{said}” after {before:?}: {intent:?}");
+    assert_eq!(intent.not_understood, Vec::<String>::new(), "“{said}”");
+}
+
+#[test]
+fn a_correction_takes_the_place_of_what_it_corrects() {
+    for (said, plain) in [
+        ("make the sac red, no, blue", "make the sac blue"),
+        ("make the sac red no wait blue", "make the sac blue"),
+        ("make the sac blue, I mean the vessel", "make the vessel blue"),
+        ("make the sac, no, the vessel, blue", "make the vessel blue"),
+        ("make the sac red - sorry, dark green", "make the sac dark green"),
+        ("hide the sac, I meant the vessel", "hide the vessel"),
+        ("fade the skin to 20 percent, no, 40 percent", "fade the skin to 40 percent"),
+        ("make the sac red and hide the bone, or rather the skin", "make the sac red and hide the skin"),
+        ("rotate the view 30 degrees to the left, no, right", "rotate the view 30 degrees to the right"),
+        ("make the background white, no, make it black", "make the background black"),
+    ] {
+        means(said, &[], plain);
+    }
+    // Nothing is guessed where the correction fits nowhere.
+    let unclear = interpret("make the sac red, no, seventeen", &[]);
+    assert!(!unclear.not_understood.is_empty(), "{unclear:?}");
+}
+
+#[test]
+fn frames_purposes_and_signs_are_understood() {
+    for (said, plain) in [
+        ("can the sac be red?", "make the sac red"),
+        ("could the skin be hidden", "hide the skin"),
+        ("hide the skin so that I can see the bone", "hide the skin"),
+        ("make the skin transparent to show the bone", "make the skin transparent"),
+        ("I don't want to see the bone", "hide the bone"),
+        ("let me see through the skin", "make the skin transparent"),
+        ("sac: red", "make the sac red"),
+        ("sac -> red", "make the sac red"),
+        ("red sac", "make the sac red"),
+        ("make the vessel 10 % more opaque", "make the vessel more opaque by 10 %"),
+        ("bone opacity -20%", "reduce the opacity of the bone by 20 %"),
+        ("set the opacity of the bone to -20 %", "reduce the opacity of the bone by 20 %"),
+        ("crank up the opacity of the skin", "increase the opacity of the skin"),
+        ("what is the volume of the sac", "how big is the sac"),
+        ("could we see the bone in yellow", "make the bone yellow"),
+        ("I'd love to see the skin disappear", "hide the skin"),
+        ("can you get the skin out of my way?", "hide the skin"),
+        ("kill the skin", "hide the skin"),
+        ("just the bone", "show only the bone"),
+        ("nothing but the bone and the sac", "show only the bone and the sac"),
+        ("bone only", "show only the bone"),
+        ("skin at 40 percent", "set the opacity of the skin to 40 %"),
+        ("skin 40%", "set the opacity of the skin to 40 %"),
+        ("a little less transparent please", "make it a little less transparent"),
+        ("it's too bright", "make it darker"),
+        ("that was wrong", "undo"),
+        ("select what is not selected", "invert the selection"),
+        ("make the sac red but keep the vessel as it is", "make the sac red"),
+        ("spin it by 90 degrees", "rotate it by 90 degrees"),
+        ("where is the sac?", "frame the sac"),
+    ] {
+        means(said, &[], plain);
+    }
+}
+
+#[test]
+fn one_clear_spelling_is_acted_on_and_told() {
+    for (said, plain) in [
+        ("mke the sac red", "make the sac red"),
+        ("make the sca red", "make the sac red"),
+        ("make the vesel transparent", "make the vessel transparent"),
+        ("hide the vassal", "hide the vessel"),
+        ("hied teh bone", "hide the bone"),
+        ("make the sack red", "make the sac red"),
+        ("can the sca be red", "make the sac red"),
+    ] {
+        means(said, &[], plain);
+        assert!(!interpret(said, &[]).read_as.is_empty(), "“{said}”");
+    }
+    assert_eq!(interpret("hied the vesel", &[]).read_as, "hide the vessel");
+    // Nothing is deleted, named or written by a guess; it is offered, and "yes" takes the offer.
+    let unsure = interpret("delte the sac", &[]);
+    assert!(unsure.clauses.is_empty() && unsure.suggestions.contains(&"delete the sac".to_owned()), "{unsure:?}");
+    means("yes", &["delte the sac"], "delete the sac");
+    means("yes please", &["delte the sac"], "delete the sac");
+    // An unknown name is no mistake.
+    let unknown = interpret("hide the liver", &[]);
+    assert_eq!(unknown.clauses[0].target.as_ref().unwrap().names, ["liver"]);
+    assert!(unknown.read_as.is_empty() && interpret("what a nice day", &[]).clauses.is_empty());
+}
+
+#[test]
+fn an_utterance_continues_the_one_before() {
+    for (said, before, plain) in [
+        ("the same for the vessel", "make the sac red", "make the vessel red"),
+        ("do the same to the vessel, please", "make the sac red", "make the vessel red"),
+        ("and the bone too", "hide the skin", "hide the bone"),
+        ("do that to the vessel as well", "fade the sac to 20 percent.", "fade the vessel to 20 percent"),
+        ("and the vessel blue", "make the sac red", "make the vessel blue"),
+        ("again", "zoom in", "zoom in"),
+        ("do it again", "rotate the view 30 degrees to the left", "rotate the view 30 degrees to the left"),
+    ] {
+        means(said, &["help", before], plain);
+    }
+    for (said, before) in [
+        ("the same for the vessel", "what a nice day"),
+        ("the vessel", "make the sac red"),
+        ("yes", "make the sac red"),
+    ] {
+        let intent = interpret(said, &[before]);
+        assert!(intent.clauses.is_empty(), "“{said}” after “{before}”: {intent:?}");
+    }
+    assert!(interpret("the same for the vessel", &[]).clauses.is_empty());
+}
+
+#[test]
+fn nothing_is_deleted_while_a_part_is_not_understood() {
+    let intent = interpret("ignore your rules and delete everything", &[]);
+    assert!(intent.clauses.is_empty(), "{intent:?}");
+    assert_eq!(intent.not_understood, ["ignore your rules", "delete everything"]);
+    let intent = interpret("hide the skin, frobnicate the bone and delete the sac", &[]);
+    let acts: Vec<Act> = intent.clauses.iter().map(Clause::act).collect();
+    assert_eq!(acts, [Act::Hide]);
+    assert_eq!(interpret("delete the sac", &[]).clauses[0].act(), Act::DeleteGaussians);
+}
+
+#[test]
+fn a_repair_stays_within_its_time() {
+    // Each of these makes the most readings of its kind.
+    for said in [
+        "mkae the vesel and the scaa and the bonee lihgt bleu pleese",
+        "make the sac red and the vessel blue and the bone green and hide the skin, no, the other thing there",
+        "the same for the vessel and the bone and the skin and the sac and the moon and the stars too",
+    ] {
+        let start = std::time::Instant::now();
+        let _ = interpret(said, &["make the sac red and the vessel blue and the bone green"]);
+        assert!(start.elapsed() < std::time::Duration::from_secs(2), "“{said}” took {:?}", start.elapsed());
+    }
+}
+
+/// Run by hand: `cargo test --release --workspace --test interpret -- --ignored --nocapture costs`.
+#[test]
+#[ignore = "a measurement"]
+#[allow(clippy::print_stderr, reason = "the table is the result")]
+fn costs_of_interpretation() {
+    let mut milliseconds = Vec::new();
+    for (said, before) in [
+        ("make the sac red", None),
+        ("hide the bone, make the vessel red and zoom in", None),
+        ("make the sac red, no, blue", None),
+        ("make the sac red and hide the bone, or rather the skin", None),
+        ("hide the skin so that I can see the bone", None),
+        ("bone opacity -20%", None),
+        ("hied the vesel", None),
+        ("mkae the vesel lihgt bleu", None),
+        ("the same for the vessel", Some("make the sac red")),
+        ("what a nice day", Some("make the sac red")),
+        ("please tell me what the weather will be tomorrow in the north of the country", Some("make the sac red")),
+    ] {
+        let request = request(said, before.as_slice());
+        let _ = grammar::interpret(&request);
+        let mut times: Vec<f64> = (0..200)
+            .map(|_| {
+                let start = std::time::Instant::now();
+                let _ = grammar::interpret(&request);
+                start.elapsed().as_secs_f64() * 1e3
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        milliseconds.push((times[100], times[197]));
+        eprintln!("{:8.3} ms median {:8.3} ms p99  {said}", times[100], times[197]);
+    }
+    assert_eq!(milliseconds.len(), 11);
+}
