@@ -73,12 +73,12 @@ impl WindowUi {
                 requests.push(request);
             }
             None if wider => {
-                self.line = "this is the widest answer; brush what is missing, or press G and change Reach".to_owned()
+                self.line = "this is the widest answer; brush what is missing, or press G and change Reach".to_owned();
             }
             None => {
                 self.line =
                     "this is the narrowest answer; brush with Shift what does not belong, or press G and change Reach"
-                        .to_owned()
+                        .to_owned();
             }
         }
     }

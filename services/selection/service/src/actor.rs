@@ -346,7 +346,7 @@ impl Selector {
             let choice = session.other_answer(change).map_err(refusal)?;
             session.add_step(choice.into()).map_err(refusal)?;
         }
-        if !draft.include_hidden && !(draft.steps.is_empty() && draft.answer.is_none()) {
+        if !draft.include_hidden && (!draft.steps.is_empty() || draft.answer.is_some()) {
             let kept = state.selection().mask();
             let hidden = hidden(state, (!draft.restart).then_some(&**kept));
             // A later change of the walk's parameters may let it grow into what is hidden now.
