@@ -483,9 +483,9 @@ fn some_commands() -> Vec<Command> {
         }),
         Action::SetLock(SetLock { target: selection(), locked: true }),
         Action::Reset(Reset {}),
-        Action::MergeUnits(MergeUnits { units: vec!["a".to_owned(), "b".to_owned()], name: "c".to_owned() }),
+        Action::MergeUnits(MergeUnits { units: vec!["bone".to_owned(), "skin".to_owned()], name: "c".to_owned() }),
         Action::SetTone(SetTone {
-            target: selection(),
+            target: on(&["bone"]),
             saturation: Some(0.5),
             brightness: Some(1.5),
             temperature: Some(-0.25),

@@ -50,7 +50,7 @@ fn the_first_answer_is_one_of_nested_masks_and_equals_the_walk_with_its_leak() {
 
 #[test]
 fn later_strokes_leave_out_the_scales_that_they_disagree_with() {
-    let (session, green, red) = at_every_scale();
+    let (session, green, _) = at_every_scale();
     // The masks of the first stroke at each leak, by ordinary walks.
     let mut alone = session.clone();
     alone.add_stroke(green.clone()).unwrap();
@@ -70,12 +70,13 @@ fn later_strokes_leave_out_the_scales_that_they_disagree_with() {
         let members: Vec<u32> = clusters.iter().flat_map(|c| index.members(*c)).copied().collect();
         members.iter().filter(|g| mask.get(**g as usize)).count() as f64 / members.len() as f64
     };
-    // A place that the narrowest mask does not hold, and one that does not take nearly everything does.
+    // A place that the narrowest mask does not hold, and that one does which does not take nearly everything.
     let (scene, _) = vessel_and_sac(6000, 3);
     let held = masks.iter().find(|m| m.count() > masks[0].count() && m.count() < 4800).unwrap();
     let place = held.ones().find(|g| !masks[0].get(*g)).and_then(|g| scene.position(g)).unwrap();
     let points = normalized(&scene, &[place.as_vec3()]);
-    let near = stroke(Mode::Walk, Kind::Foreground, 1e-6, points);
+    let near = stroke(Mode::Walk, Kind::Foreground, 1e-6, points.clone());
+    let red = stroke(Mode::Walk, Kind::Background, 1e-6, points);
     for (second, agrees) in [
         (red.clone(), Box::new(|mask: &Mask| share(&red, mask) < 1.0) as Box<dyn Fn(&Mask) -> bool>),
         (near.clone(), Box::new(|mask: &Mask| share(&near, mask) > 0.0)),
