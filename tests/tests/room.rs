@@ -160,11 +160,26 @@ async fn shown(bus: &Bus) -> ViewState {
     let snapshot = bus.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap().snapshot.unwrap();
     let told = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
     let services = ServiceAvailability { scene: true, selection: true, agents: true };
-    let walk_capabilities = bus.newest(&keys::SELECTION_STATE, &soon()).await.unwrap();
+    // The Select panel has a row for the answers to the newest strokes.
+    let context = soon();
+    let selection = loop {
+        let state = bus.newest(&keys::SELECTION_STATE, &context).await.unwrap();
+        if state.revision >= told.revision {
+            break state;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
     let walk_capabilities =
-        Some(WalkCapabilities { tuning: walk_capabilities.tuning, most_proposals: walk_capabilities.most_proposals });
+        Some(WalkCapabilities { tuning: selection.tuning, most_proposals: selection.most_proposals });
     let edited = Arc::new(EditState::from_snapshot(&snapshot).unwrap());
-    ViewState { services, walk_capabilities, undo: told.undo.into(), redo: told.redo.into(), ..ViewState::of(edited) }
+    ViewState {
+        services,
+        walk_capabilities,
+        answers: selection.answers.map(Arc::new),
+        undo: told.undo.into(),
+        redo: told.redo.into(),
+        ..ViewState::of(edited)
+    }
 }
 
 /// The position of a control of a panel, in points, as a headset has it.
