@@ -4,8 +4,9 @@ use sg_proto::scene::{Reset, SetTone, Undo};
 
 use super::*;
 
-fn tone(target: Target, change: SetTone) -> Action {
-    Action::SetTone(SetTone { target: Some(target), ..change })
+fn tone(target: Target, mut change: SetTone) -> Action {
+    change.target = Some(target);
+    Action::SetTone(change)
 }
 
 fn saturation(factor: f32) -> SetTone {
