@@ -80,10 +80,14 @@ impl Showing {
             assert!(begun.elapsed() < PATIENCE, "no panels: {}", this.log());
             std::thread::sleep(Duration::from_millis(50));
         }
-        screen.act(&["key", "h"]).unwrap();
+        // The keyboard may reach the window later than its first frame.
         while panels() {
-            assert!(begun.elapsed() < PATIENCE, "panels stay: {}", this.log());
-            std::thread::sleep(Duration::from_millis(50));
+            screen.act(&["key", "h"]).unwrap();
+            let pressed = Instant::now();
+            while panels() && pressed.elapsed() < Duration::from_secs(3) {
+                assert!(begun.elapsed() < PATIENCE, "panels stay: {}", this.log());
+                std::thread::sleep(Duration::from_millis(50));
+            }
         }
         this
     }
