@@ -12,6 +12,9 @@ use crate::syntax::token::{self, Kind, Token};
 /// Most misspelt words of an utterance, and most similar words of each. Each choice is read once.
 const MOST: [usize; 2] = [3, 4];
 
+/// Most letters that a spelling has more or fewer than the word.
+const MOST_LONGER: usize = 2;
+
 /// The utterance with its misspelt words repaired, and its reading. `None` if no way of spelling is understood, or if two are
 /// that mean different things.
 pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sentence)> {
@@ -68,7 +71,7 @@ fn similar<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Vec<&'v str> {
 /// How far a known word is from a spelling: edits, or 2 for one that sounds alike. `None`: too far.
 fn unlikeness(word: &str, known: &str) -> Option<usize> {
     let (length, other) = (word.chars().count(), known.chars().count());
-    if length < 3 || other < 3 {
+    if length < 3 || other < 3 || length.abs_diff(other) > MOST_LONGER {
         return None;
     }
     let distance = strsim::damerau_levenshtein(word, known);
