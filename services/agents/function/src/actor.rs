@@ -91,24 +91,14 @@ fn is_transient(fault: &Fault) -> bool {
     matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded | Code::ResourceExhausted | Code::Cancelled)
 }
 
-/// A transient fault of the scene service as a sentence. Its details name the role.
-fn scene_fault(fault: Fault) -> Fault {
+/// A transient fault of a service as a sentence. Its details name the role.
+fn service_fault(role: &str, fault: Fault) -> Fault {
     let message = match fault.code {
-        Code::Unavailable => "The scene service is unavailable; try again in a moment.",
-        Code::DeadlineExceeded => "The scene service did not answer in time; try again in a moment.",
+        Code::Unavailable => format!("The {role} service is unavailable; try again in a moment."),
+        Code::DeadlineExceeded => format!("The {role} service did not answer in time; try again in a moment."),
         _ => return fault,
     };
-    Fault { message: message.to_owned(), ..fault }.with_details([role::SCENE.to_owned()])
-}
-
-/// A transient fault of the selection service as a sentence. Its details name the role.
-fn selection_fault(fault: Fault) -> Fault {
-    let message = match fault.code {
-        Code::Unavailable => "The selection service is unavailable; try again in a moment.",
-        Code::DeadlineExceeded => "The selection service did not answer in time; try again in a moment.",
-        _ => return fault,
-    };
-    Fault { message: message.to_owned(), ..fault }.with_details([role::SELECTION.to_owned()])
+    Fault { message, ..fault }.with_details([role.to_owned()])
 }
 
 /// The reply where the model failed and no fallback is allowed.
@@ -188,7 +178,7 @@ impl FunctionAgent {
 
     /// The current scene, without masks.
     async fn scene(&self, context: &Context) -> Result<State, Fault> {
-        self.bus.newest(&keys::SCENE_STATE, &context.next()).await.map_err(scene_fault)
+        self.bus.newest(&keys::SCENE_STATE, &context.next()).await.map_err(|fault| service_fault(role::SCENE, fault))
     }
 
     /// The current scene with masks, if it fits into one message.
@@ -208,7 +198,11 @@ impl FunctionAgent {
         let observed = plan.observation.as_ref().and_then(|o| o.scene.as_ref()).map(|s| s.revision);
         let Some(from) = observed.filter(|observed| *observed < state.revision) else { return Ok(HashMap::new()) };
         let request = ChangesRequest { from, snapshot: false };
-        let changes = self.bus.ask(&keys::SCENE_CHANGES, &request, &context.next()).await.map_err(scene_fault)?;
+        let changes = self
+            .bus
+            .ask(&keys::SCENE_CHANGES, &request, &context.next())
+            .await
+            .map_err(|fault| service_fault(role::SCENE, fault))?;
         Ok(changes.events.into_iter().map(|event| (event.command_id.clone(), event)).collect())
     }
 
@@ -265,7 +259,7 @@ impl FunctionAgent {
             Ok(CommandResult { revision, summary, .. }) => {
                 Ok(Some(Event { revision, command_id: id.to_owned(), summary, changes: Vec::new() }))
             }
-            Err(fault) if is_transient(&fault) => Err(scene_fault(fault)),
+            Err(fault) if is_transient(&fault) => Err(service_fault(role::SCENE, fault)),
             Err(_) => Ok(None),
         }
     }
@@ -360,7 +354,7 @@ impl FunctionAgent {
                     ..ActionResult::default()
                 })
             }
-            Err(fault) if is_transient(&fault) => Err(scene_fault(fault)),
+            Err(fault) if is_transient(&fault) => Err(service_fault(role::SCENE, fault)),
             Err(fault) => {
                 // An earlier try may have applied the clause, which resolves to another command now.
                 let is_taken = fault.code == Code::AlreadyExists;
@@ -390,7 +384,7 @@ impl FunctionAgent {
                     ..ActionResult::default()
                 })
             }
-            Err(fault) if is_transient(&fault) => Err(selection_fault(fault)),
+            Err(fault) if is_transient(&fault) => Err(service_fault(role::SELECTION, fault)),
             Err(fault) => Ok(failure(report::sentence(&fault.message))),
         }
     }

@@ -278,8 +278,8 @@ impl SelectionIndex {
 
     /// Solves the walks of a family that the caller keeps between walks; start with [`SelectionIndex::family`].
     ///
-    /// Returns the walk of the first answer, all answers, and the masks as those of a first stroke. `threshold` is the limit of p − q. With the masks of the first
-    /// stroke, answers that disagree with the later strokes are left out.
+    /// Returns the walk of the first answer, all answers, and the masks as those of a first stroke. `threshold` is the limit
+    /// of p − q. With the masks of the first stroke, answers that disagree with the later strokes are left out.
     ///
     /// # Errors
     /// [`WalkError`] if the solver breaks down.

@@ -220,6 +220,20 @@ impl Decode for Text<'_> {
     }
 }
 
+/// Reads `dims` numbers of a type from a stream of text. It holds nothing else.
+pub(super) fn read_text_stream(
+    source: Source<'_>,
+    reader: impl Read,
+    dims: [usize; 3],
+    scalar: ScalarType,
+) -> Result<Scalars, ReadError> {
+    // The limit of the voxels bounds the text too: a number takes a few dozen characters at most.
+    let most = source.voxel_bytes(dims, scalar)?.saturating_mul(32);
+    let mut text = String::new();
+    reader.take(most.saturating_add(1)).read_to_string(&mut text).map_err(|e| source.io(e))?;
+    read_text(source, &text, dims, scalar)
+}
+
 /// Reads `dims` numbers of a type from text.
 pub(super) fn read_text(
     source: Source<'_>,

@@ -7,7 +7,7 @@
 //! `TransformMatrix` and an `AnatomicalOrientation`. `DistanceUnits` gives the length unit; a patient's frame without it is in
 //! millimetres. As in ITK, `CenterOfRotation` and `ElementToIntensityFunction…` change nothing.
 
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
@@ -17,7 +17,7 @@ use crate::scalars::ScalarType;
 use crate::volume::Volume;
 use crate::world_frame::{LengthUnit, PatientFrame, WorldFrame};
 
-use super::decode::{Packing, Voxels, read_full, read_text};
+use super::decode::{Packing, Voxels, read_full, read_text_stream};
 use super::error::{ActualSize, ReadError};
 use super::format::VolumeFormat;
 use super::source::Source;
@@ -51,8 +51,7 @@ impl VolumeFormat for MetaImage {
 }
 
 fn read(source: Source<'_>) -> Result<Volume, ReadError> {
-    let (file, length) = source.open()?;
-    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let (mut reader, length) = source.reader()?;
     let header = Header::read(source, &mut reader)?;
     let grid = Grid::new(header.dims, header.spacing, header.origin, header.direction).map_err(|e| source.grid(e))?;
 
@@ -63,10 +62,10 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
             (source, reader, length, after_header)
         }
         Some(name) => {
-            data_path = source.path.parent().map_or_else(|| name.into(), |folder| folder.join(name));
+            data_path = source.beside(name);
             let data_source = Source { path: &data_path, limits: source.limits };
-            let (file, length) = data_source.open()?;
-            (data_source, BufReader::with_capacity(1 << 18, file), length, 0)
+            let (reader, length) = data_source.reader()?;
+            (data_source, reader, length, 0)
         }
     };
     let bytes = data_source.voxel_bytes(header.dims, header.scalar)?;
@@ -97,13 +96,7 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
         voxels.read(data_source, reader, length - at)?
     } else {
         reader.seek(SeekFrom::Start(at.unwrap_or(start))).map_err(|e| data_source.io(e))?;
-        let mut text = String::new();
-        // The limit of the voxels bounds the text too: a number takes a few dozen characters at most.
-        reader
-            .take(bytes.saturating_mul(32).saturating_add(1))
-            .read_to_string(&mut text)
-            .map_err(|e| data_source.io(e))?;
-        read_text(data_source, &text, header.dims, header.scalar)?
+        read_text_stream(data_source, reader, header.dims, header.scalar)?
     };
     let volume = Volume::new(grid, scalars, header.name);
     volume.map(|volume| volume.in_frame(header.frame)).map_err(|e| source.format("voxels", e.to_string(), REMEDY))

@@ -5,7 +5,7 @@
 //! `left-anterior-superior`, which is left-handed: its x axis is turned round, so that pictures do not swap a patient's sides.
 //! `space units`, or else `units`, gives the length unit. A patient's frame without units is in millimetres, as 3D Slicer writes it.
 
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
@@ -15,7 +15,7 @@ use crate::scalars::ScalarType;
 use crate::volume::Volume;
 use crate::world_frame::{LengthUnit, PatientFrame, WorldFrame};
 
-use super::decode::{Packing, Voxels, read_text};
+use super::decode::{Packing, Voxels, read_text_stream};
 use super::error::{ActualSize, ReadError};
 use super::format::VolumeFormat;
 use super::source::Source;
@@ -44,8 +44,7 @@ impl VolumeFormat for Nrrd {
 }
 
 fn read(source: Source<'_>) -> Result<Volume, ReadError> {
-    let (file, length) = source.open()?;
-    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let (mut reader, length) = source.reader()?;
     let header = Header::read(source, &mut reader)?;
     let (dims, grid) = header.grid(source)?;
     let after_header = reader.stream_position().map_err(|e| source.io(e))?;
@@ -54,20 +53,16 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (data_source, mut reader, length, start) = match &header.data_file {
         None => (source, reader, length, after_header),
         Some(name) => {
-            data_path = source.path.parent().map_or_else(|| name.into(), |p| p.join(name));
+            data_path = source.beside(name);
             let data_source = Source { path: &data_path, limits: source.limits };
-            let (file, length) = data_source.open()?;
-            (data_source, BufReader::with_capacity(1 << 18, file), length, 0)
+            let (reader, length) = data_source.reader()?;
+            (data_source, reader, length, 0)
         }
     };
     let scalars = match header.encoding {
         Encoding::Ascii => {
             header.skip_lines(data_source, &mut reader)?;
-            let mut text = String::new();
-            // The limit of the voxels bounds the text too: a number takes a few dozen characters at most.
-            let most = data_source.voxel_bytes(dims, header.scalar)?.saturating_mul(32);
-            reader.take(most.saturating_add(1)).read_to_string(&mut text).map_err(|e| data_source.io(e))?;
-            read_text(data_source, &text, dims, header.scalar)?
+            read_text_stream(data_source, reader, dims, header.scalar)?
         }
         Encoding::Raw | Encoding::Gzip => {
             let packing = if header.encoding == Encoding::Raw { Packing::Plain } else { Packing::Gzip };

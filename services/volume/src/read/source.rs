@@ -1,7 +1,8 @@
 //! The input file of a reader and its memory limit.
 
-use std::io;
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
 
 use crate::grid::GridError;
 use crate::scalars::ScalarType;
@@ -53,9 +54,20 @@ impl Source<'_> {
     }
 
     /// Opens the file and returns its size in bytes. Only a regular file has a size to check against.
-    pub(super) fn open(&self) -> Result<(std::fs::File, u64), ReadError> {
+    pub(super) fn open(&self) -> Result<(File, u64), ReadError> {
         let opened = file::open(self.path).map_err(|e| self.io(e))?;
         Ok((opened.file, opened.length))
+    }
+
+    /// The file from its start, and its size in bytes.
+    pub(super) fn reader(&self) -> Result<(BufReader<File>, u64), ReadError> {
+        let (file, length) = self.open()?;
+        Ok((BufReader::with_capacity(1 << 18, file), length))
+    }
+
+    /// The path of a file that a header names, from the header's own folder.
+    pub(super) fn beside(&self, name: &str) -> PathBuf {
+        self.path.parent().map_or_else(|| name.into(), |folder| folder.join(name))
     }
 
     /// Refuses compressed data that would expand beyond the limit for `stored` bytes.

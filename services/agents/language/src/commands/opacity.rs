@@ -8,7 +8,7 @@ use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
-use super::verbs::{MAKE, SET};
+use super::verbs::{DECREASE, INCREASE, MAKE, SET};
 use crate::property::assignment::{becoming, property, restoring};
 use crate::property::opacity::{absolute, amount, faded, transparency};
 use crate::property::tone::Term;
@@ -31,16 +31,8 @@ pub(super) const SET_OPACITY: Command = Command {
             Ellipsis::VerbOrValue,
             fading,
         ),
-        Construct::with_ellipsis(
-            "increase | raise | boost | double | triple | turn up | strengthen | crank up | bump up | dial up",
-            Ellipsis::Verb,
-            |verb, input| term_change(verb, true, input),
-        ),
-        Construct::with_ellipsis(
-            "decrease | reduce | lower | halve | drop | cut | turn down | weaken | dial down",
-            Ellipsis::Verb,
-            |verb, input| term_change(verb, false, input),
-        ),
+        Construct::with_ellipsis(INCREASE, Ellipsis::Verb, |verb, input| term_change(verb, true, input)),
+        Construct::with_ellipsis(DECREASE, Ellipsis::Verb, |verb, input| term_change(verb, false, input)),
         Construct::new("reset | restore | bring back", restoring),
     ],
     examples: &[

@@ -6,7 +6,7 @@ use sg_proto::scene::{SetTone, State, Target};
 
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use super::opacity::term_change;
-use super::verbs::{MAKE, SET};
+use super::verbs::{DECREASE, INCREASE, MAKE, SET};
 use crate::property::assignment::{becoming, property, restoring};
 use crate::property::tone::Term;
 use crate::property::value::{Value, assign};
@@ -23,16 +23,8 @@ pub(super) const SET_TONE: Command = Command {
     constructs: &[
         Construct::with_ellipsis(MAKE, Ellipsis::VerbTargetOrValue, becoming),
         Construct::with_ellipsis(SET, Ellipsis::PropertyOrValue, property),
-        Construct::with_ellipsis(
-            "increase | raise | boost | double | triple | turn up | strengthen",
-            Ellipsis::Verb,
-            |verb, input| term_change(verb, true, input),
-        ),
-        Construct::with_ellipsis(
-            "decrease | reduce | lower | halve | drop | cut | turn down | weaken",
-            Ellipsis::Verb,
-            |verb, input| term_change(verb, false, input),
-        ),
+        Construct::with_ellipsis(INCREASE, Ellipsis::Verb, |verb, input| term_change(verb, true, input)),
+        Construct::with_ellipsis(DECREASE, Ellipsis::Verb, |verb, input| term_change(verb, false, input)),
         Construct::with_ellipsis("desaturate", Ellipsis::Verb, |_, input| verb(0.0, false, input)),
         Construct::with_ellipsis("saturate", Ellipsis::Verb, |_, input| verb(1.5, true, input)),
         Construct::new("reset | restore | bring back", restoring),

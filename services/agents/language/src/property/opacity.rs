@@ -19,12 +19,18 @@ pub(crate) fn transparency(share: f64) -> Outcome<Value> {
     if (0.0..=1.0).contains(&share) { absolute(1.0 - share) } else { Err(EmptyError) }
 }
 
-const TRANSPARENT: &str = "transparent | translucent | see through | seethrough | transparency | faint | ghostly";
-const OPAQUE: &str = "opaque | solid | opacity | dense";
+const TRANSPARENT: &str = "transparent | translucent | see through | seethrough | faint | ghostly";
+const OPAQUE: &str = "opaque | solid | dense";
 
 /// Parses an adjective of opacity: `true` for opaque, `false` for transparent.
 fn adjective(input: &mut Input<'_>) -> Outcome<bool> {
     alt((one_of(TRANSPARENT).map(|_| false), one_of(OPAQUE).map(|_| true))).parse_next(input)
+}
+
+/// Parses an adjective, or the noun that stands with a number: "40 % transparency".
+fn quality(input: &mut Input<'_>) -> Outcome<bool> {
+    let noun = alt((exactly("transparency").map(|_| false), exactly("opacity").map(|_| true)));
+    alt((adjective, noun)).parse_next(input)
 }
 
 /// Parses a value of opacity.
@@ -36,7 +42,7 @@ pub(crate) fn opacity(input: &mut Input<'_>) -> Outcome<Value> {
 fn comparative(input: &mut Input<'_>) -> Outcome<Value> {
     let degree = degree(input)?;
     let more = alt((
-        (exactly("more | less"), adjective).map(|(word, opaque)| (word.text == "more") == opaque),
+        (exactly("more | less"), quality).map(|(word, opaque)| (word.text == "more") == opaque),
         (exactly("more | less"), exactly("visible")).map(|(word, _)| word.text == "more"),
         exactly("fainter | dimmer").map(|_| false),
     ))
@@ -50,7 +56,7 @@ fn comparative(input: &mut Input<'_>) -> Outcome<Value> {
 fn multiple(input: &mut Input<'_>) -> Outcome<Value> {
     let times = alt((exactly("half").map(|_| 0.5), times)).parse_next(input)?;
     exactly("as").parse_next(input)?;
-    let opaque = adjective(input)?;
+    let opaque = quality(input)?;
     skip("as before | as now | as it is | as it was").parse_next(input)?;
     let factor = if opaque { times } else { 1.0 / times };
     if factor.is_finite() && factor > 0.0 { Ok(Value::Opacity { factor, relative: true }) } else { Err(EmptyError) }
@@ -60,7 +66,7 @@ fn multiple(input: &mut Input<'_>) -> Outcome<Value> {
 fn numeric_value(input: &mut Input<'_>) -> Outcome<Value> {
     skip("at | to | with | by | an | a | at an | with an | to an | at a | with a | to a").parse_next(input)?;
     let (value, opaque) =
-        alt(((quantity, adjective), (adjective, connector, quantity).map(|(opaque, (), value)| (value, opaque))))
+        alt(((quantity, quality), (quality, connector, quantity).map(|(opaque, (), value)| (value, opaque))))
             .parse_next(input)?;
     let value = value.as_opacity();
     if opaque { absolute(value) } else { transparency(value) }
@@ -72,11 +78,6 @@ fn adjective_value(input: &mut Input<'_>) -> Outcome<Value> {
      highly | mostly | really | quite | nearly | almost | nearly completely | almost completely | \
      fully | completely | totally | entirely | perfectly | absolutely";
     let grade = opt(one_of(GRADES)).parse_next(input)?;
-    // "bone opacity" is a property without its value.
-    let noun: Outcome<_> = exactly("opacity | transparency").parse_next(&mut input.clone());
-    if noun.is_ok() {
-        return Err(EmptyError);
-    }
     let opaque = adjective(input)?;
     // Opacity of "transparent" and of "opaque" with this adverb.
     let (transparent, solid) = match grade {
@@ -104,7 +105,7 @@ pub(crate) fn faded(input: &mut Input<'_>) -> Outcome<Value> {
         one_of("to | down to | until | at").parse_next(input)?;
         article(input)?;
         let value = amount(input)?;
-        let opaque = opt(adjective).parse_next(input)?;
+        let opaque = opt(quality).parse_next(input)?;
         if opaque == Some(false) { transparency(value) } else { absolute(value) }
     };
     let by = |input: &mut Input<'_>| Ok(Value::Opacity { factor: factor_by(false, input)?, relative: true });
