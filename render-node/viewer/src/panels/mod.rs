@@ -103,6 +103,11 @@ impl Panels {
         self.text_input.is_awaited()
     }
 
+    /// Leaves the focus where it is: Esc came before the field was drawn.
+    pub(crate) fn expect_no_letters(&mut self) {
+        self.text_input.turn_to_none();
+    }
+
     /// Has letters go to the name of a new unit as soon as that is drawn.
     pub fn name_selection(&mut self) {
         self.text_input.turn_to(text_input::Field::SaveName);

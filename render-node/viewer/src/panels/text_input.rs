@@ -89,6 +89,12 @@ impl TextInput {
         self.version += 1;
     }
 
+    /// Focuses no field at its next frame.
+    pub(super) fn turn_to_none(&mut self) {
+        self.wanted = None;
+        self.version += 1;
+    }
+
     /// Whether some field gets the focus at its next frame.
     pub(super) fn is_awaited(&self) -> bool {
         self.wanted.is_some()

@@ -149,6 +149,11 @@ impl Group {
 }
 
 impl Action {
+    /// Whether a text field gets the next letters.
+    fn leads_to_field(self) -> bool {
+        matches!(self, Self::Say | Self::Name)
+    }
+
     /// Its subject.
     #[must_use]
     pub fn group(self) -> Group {
@@ -317,6 +322,17 @@ pub(super) struct KeyFocus {
     pub(super) has_control: bool,
     /// A menu is open. Esc closes it.
     pub(super) has_menu: bool,
+    /// A text field gets the focus once it is drawn, so that keys belong to it already. Esc takes them away from it.
+    pub(super) awaits_field: bool,
+}
+
+/// Result of the keys of one frame.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Pressed {
+    /// Actions in the order of their keys.
+    pub(super) actions: Vec<Action>,
+    /// Whether Esc came before the awaited text field had the focus.
+    pub(super) leaves_field: bool,
 }
 
 impl KeyFocus {
@@ -328,20 +344,26 @@ impl KeyFocus {
 }
 
 /// Actions of the keys just pressed, in their order; each press counts once. What `focus` takes is left to it. What follows a key
-/// that leads to a text field belongs to that field.
+/// that leads to a text field belongs to that field, until Esc: a slow frame holds all of these keys.
 #[must_use]
-pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Vec<Action> {
-    let mut asked = Vec::new();
-    let mut leads_to_field = false;
+pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Pressed {
+    let mut result = Pressed::default();
+    let mut leads_to_field = focus.awaits_field;
     input.events.retain(|event| {
         let Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
+        if leads_to_field && *key == Key::Escape {
+            leads_to_field = false;
+            result.leaves_field |= focus.awaits_field;
+            result.actions.pop_if(|action| action.leads_to_field());
+            return false;
+        }
         let fits = |s: &&Shortcut| s.key == *key && modifiers.matches_logically(s.modifiers) && !focus.takes(s);
         let Some(shortcut) = SHORTCUTS.iter().find(fits).filter(|_| !leads_to_field) else { return true };
-        asked.push(shortcut.action);
-        leads_to_field = matches!(shortcut.action, Action::Say | Action::Name);
+        result.actions.push(shortcut.action);
+        leads_to_field = shortcut.action.leads_to_field();
         false
     });
-    asked
+    result
 }
 
 /// What the list shows of a subject: keys with the same effect in one row.
@@ -393,17 +415,46 @@ mod tests {
         input.events =
             vec![key(Key::B, none), key(Key::Z, Modifiers::COMMAND), key(Key::Enter, none), key(Key::H, none)];
         let nobody = KeyFocus::default();
-        assert_eq!(pressed(&mut input, nobody), [Action::Brush, Action::Undo, Action::Say]);
+        let actions = |input: &mut InputState, focus| {
+            let result = pressed(input, focus);
+            assert!(!result.leaves_field);
+            result.actions
+        };
+        assert_eq!(actions(&mut input, nobody), [Action::Brush, Action::Undo, Action::Say]);
         assert_eq!(input.events, [key(Key::H, none)]);
         input.events = vec![key(Key::Escape, none), key(Key::Enter, none), key(Key::X, none)];
         let focus = KeyFocus { has_control: true, has_menu: true, ..nobody };
-        assert_eq!(pressed(&mut input, focus), [Action::Stereo]);
+        assert_eq!(actions(&mut input, focus), [Action::Stereo]);
         assert_eq!(input.events.len(), 2);
         // In a text field, only keys that edit no text.
         let command = |k: Key| key(k, Modifiers::COMMAND);
         input.events = vec![key(Key::B, none), command(Key::A), command(Key::Z), command(Key::E), command(Key::Q)];
-        assert_eq!(pressed(&mut input, KeyFocus { is_typing: true, ..nobody }), [Action::ExportSplats, Action::Close]);
+        assert_eq!(actions(&mut input, KeyFocus { is_typing: true, ..nobody }), [Action::ExportSplats, Action::Close]);
         assert_eq!(input.events.len(), 3);
+    }
+
+    #[test]
+    fn escape_takes_keys_away_from_a_field_that_is_not_drawn_yet() {
+        let key = |key: Key| Event::Key {
+            key,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers: if key == Key::Z { Modifiers::COMMAND } else { Modifiers::NONE },
+        };
+        // The frame after a sentence was sent: the field is to get the focus again.
+        let focus = KeyFocus { awaits_field: true, ..KeyFocus::default() };
+        let mut input = InputState::default();
+        input.events = [Key::H, Key::Escape, Key::Z].map(key).to_vec();
+        assert_eq!(pressed(&mut input, focus), Pressed { actions: vec![Action::Undo], leaves_field: true });
+        assert_eq!(input.events, [key(Key::H)]);
+        // Without Esc, all keys are the field's.
+        input.events = [Key::H, Key::Z].map(key).to_vec();
+        assert_eq!(pressed(&mut input, focus), Pressed::default());
+        // A field asked for and given up in one frame.
+        input.events = [Key::B, Key::Enter, Key::Escape, Key::Z].map(key).to_vec();
+        let result = Pressed { actions: vec![Action::Brush, Action::Undo], leaves_field: false };
+        assert_eq!(pressed(&mut input, KeyFocus::default()), result);
     }
 
     #[test]

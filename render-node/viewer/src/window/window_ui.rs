@@ -245,18 +245,21 @@ impl WindowUi {
         // A field that waits for the focus gets the letters of this frame already, for one frame: it may never be drawn.
         let waits = self.panels.expects_letters() && !std::mem::replace(&mut self.waited, true);
         self.waited &= waits;
-        if !waits {
-            let focus = KeyFocus {
-                is_typing: ui.ctx().text_edit_focused(),
-                has_control: ui.ctx().egui_wants_keyboard_input(),
-                has_menu: egui::Popup::is_any_open(ui.ctx()),
-            };
-            if !focus.is_typing {
-                self.scene_view.take_polygon_keys(ui);
-            }
-            for action in ui.input_mut(|input| shortcuts::pressed(input, focus)) {
-                self.act(action, &state, &mut requests);
-            }
+        let focus = KeyFocus {
+            is_typing: ui.ctx().text_edit_focused(),
+            has_control: ui.ctx().egui_wants_keyboard_input(),
+            has_menu: egui::Popup::is_any_open(ui.ctx()),
+            awaits_field: waits,
+        };
+        if !waits && !focus.is_typing {
+            self.scene_view.take_polygon_keys(ui);
+        }
+        let pressed = ui.input_mut(|input| shortcuts::pressed(input, focus));
+        if pressed.leaves_field {
+            self.panels.expect_no_letters();
+        }
+        for action in pressed.actions {
+            self.act(action, &state, &mut requests);
         }
         self.hint_places = HintPlaces::default();
         self.take_dropped_files(ui, &mut requests);

@@ -463,20 +463,18 @@ fn the_status_line_tells_of_the_picture_that_stays() {
     assert!(harness.query_by_label("Full quality").is_some());
 }
 
+/// The event of a key.
+fn key(key: egui::Key, modifiers: egui::Modifiers, pressed: bool) -> egui::Event {
+    egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }
+}
+
 /// The events of keys that a fast hand, or a slow machine, brings in one frame: Enter as `\n`, letters with their text.
 fn at_once(harness: &mut Harness<'_, WindowUi>, keys: &str) {
     for c in keys.chars() {
-        let key =
-            if c == '\n' { egui::Key::Enter } else { egui::Key::from_name(&c.to_uppercase().to_string()).unwrap() };
-        let pressed = |pressed| egui::Event::Key {
-            key,
-            physical_key: None,
-            pressed,
-            repeat: false,
-            modifiers: egui::Modifiers::NONE,
-        };
+        let k = if c == '\n' { egui::Key::Enter } else { egui::Key::from_name(&c.to_uppercase().to_string()).unwrap() };
+        let event = |pressed| key(k, egui::Modifiers::NONE, pressed);
         let text = (c != '\n').then(|| egui::Event::Text(c.to_string()));
-        harness.input_mut().events.extend([Some(pressed(true)), text, Some(pressed(false))].into_iter().flatten());
+        harness.input_mut().events.extend([Some(event(true)), text, Some(event(false))].into_iter().flatten());
     }
     harness.step();
 }
@@ -498,6 +496,26 @@ fn letters_that_come_at_once_after_enter_are_no_shortcuts() {
     assert_eq!(said, ["help", "undo"].map(|text| Request::Say(text.to_owned())));
     let settings = harness.state().settings();
     assert!(settings.panels && settings.mouse_tool == MouseTool::Navigate, "{settings:?}");
+}
+
+#[test]
+fn escape_right_after_a_sentence_gives_the_keys_back_to_the_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, service) = desk_of(&Settings::default(), Vec2::new(1280.0, 800.0), folder.path());
+    harness.run_steps(3);
+    for keys in ["\n", "he", "lp", "\n"] {
+        at_once(&mut harness, keys);
+    }
+    // The field gets the focus again in the next frame, which holds Esc already.
+    harness.input_mut().events.push(key(egui::Key::Escape, egui::Modifiers::NONE, true));
+    harness.step();
+    at_once(&mut harness, "b");
+    harness.input_mut().events.push(key(egui::Key::Z, egui::Modifiers::COMMAND, true));
+    harness.step();
+    let requests: Vec<_> = service.requests.try_iter().collect();
+    let [Request::Say(text), Request::Change(undo)] = &requests[..] else { panic!("{requests:?}") };
+    assert!(text == "help" && matches!(**undo, Action::Undo(_)), "{requests:?}");
+    assert_eq!(harness.state().settings().mouse_tool, MouseTool::Brush);
 }
 
 #[test]
