@@ -1,6 +1,8 @@
 //! A screen without a viewer, and a mouse and a keyboard without a hand: Xvfb, openbox and xdotool.
 
 use std::io::{BufRead as _, BufReader};
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -209,23 +211,35 @@ impl Screen {
     /// # Errors
     /// A frame buffer that cannot be read.
     pub fn shot(&self) -> Result<Shot, String> {
+        let rows = self.rows(0..SIZE[1], 0..SIZE[0])?;
+        Ok(Shot { pixels: rows.chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect() })
+    }
+
+    /// Part of the contents of the screen: blue, green, red and nothing of each pixel of these rows and columns. It reads no others,
+    /// so that often looking costs little.
+    ///
+    /// # Errors
+    /// As [`Screen::shot`].
+    pub fn rows(&self, rows: impl Iterator<Item = usize>, columns: Range<usize>) -> Result<Vec<u8>, String> {
         let path = self.folder.path().join("Xvfb_screen0");
-        let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let fail = |e: std::io::Error| format!("{}: {e}", path.display());
+        let file = std::fs::File::open(&path).map_err(fail)?;
         // A window dump of X: a header of 25 numbers, a table of colours of 12 bytes each, rows of blue, green, red, nothing.
-        let number = |k: usize| {
-            let at = bytes.get(4 * k..4 * k + 4)?;
-            Some(u32::from_be_bytes(at.try_into().ok()?) as usize)
-        };
-        let header = || Some((number(0)?, number(4)?, number(5)?, number(12)?, number(19)?));
-        let (length, width, height, row, colors) = header().ok_or("no header in the frame buffer")?;
-        let first = length + 12 * colors;
-        let line = |y: usize| bytes.get(first + y * row..first + y * row + 4 * width);
-        let mut pixels = Vec::with_capacity(width * height);
-        for y in 0..height {
-            let line = line(y).ok_or("the frame buffer ends early")?;
-            pixels.extend(line.chunks_exact(4).map(|p| [p[2], p[1], p[0]]));
+        let mut header = [0; 4 * 25];
+        file.read_exact_at(&mut header, 0).map_err(fail)?;
+        let number = |k: usize| u32::from_be_bytes([0, 1, 2, 3].map(|byte| header[4 * k + byte])) as usize;
+        let (length, width, height, row, colors) = (number(0), number(4), number(5), number(12), number(19));
+        if columns.end > width {
+            return Err(format!("the screen is {width} × {height}"));
         }
-        Ok(Shot { pixels })
+        let mut bytes = Vec::new();
+        for y in rows {
+            let first = bytes.len();
+            bytes.resize(first + 4 * columns.len(), 0);
+            let at = length + 12 * colors + y * row + 4 * columns.start;
+            file.read_exact_at(&mut bytes[first..], at as u64).map_err(fail)?;
+        }
+        Ok(bytes)
     }
 }
 

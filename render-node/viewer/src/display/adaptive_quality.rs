@@ -4,6 +4,8 @@
 //! Quality rises when the level above would fit the budget. Its past cost, or else its pixel count, gives the estimate. A
 //! still view is drawn at the best quality.
 
+use std::time::Duration;
+
 use sg_raster::render::Quality;
 
 /// Drawing quality of a picture.
@@ -26,6 +28,15 @@ const AGES: f64 = 0.97;
 
 /// Weight of the newest measurement.
 const NEWEST: f64 = 0.5;
+
+/// Time without a change after which something is at rest.
+const SETTLES: Duration = Duration::from_millis(180);
+
+/// That time where a picture at rest takes up to [`QUICK`] seconds. A dragging hand seldom pauses for so long.
+const SETTLES_QUICKLY: Duration = Duration::from_millis(80);
+
+/// Seconds of a picture that the continued motion hardly waits for.
+const QUICK: f64 = 0.3;
 
 /// Chooses the quality level by the measured cost of each level.
 #[derive(Debug, Clone)]
@@ -80,6 +91,13 @@ impl AdaptiveQuality {
                 self.at = above;
             }
         }
+    }
+
+    /// Time without a change after which something is at rest. Motion may go on while the picture at rest is drawn, so a costly one
+    /// waits for longer.
+    #[must_use]
+    pub fn settles(&self) -> Duration {
+        if self.cost[0].is_some_and(|seconds| seconds <= QUICK) { SETTLES_QUICKLY } else { SETTLES }
     }
 
     /// Number of moving pictures over budget.
@@ -143,6 +161,16 @@ mod tests {
         let late = adaptive_quality.late();
         assert_eq!(settled(&mut adaptive_quality, cost), level);
         assert_eq!(adaptive_quality.late(), late, "late again and again");
+    }
+
+    #[test]
+    fn a_costly_picture_at_rest_waits_for_longer() {
+        let mut adaptive_quality = AdaptiveQuality::new(0.05);
+        assert_eq!(adaptive_quality.settles(), SETTLES, "its cost is not known");
+        adaptive_quality.record(0.1, false);
+        assert_eq!(adaptive_quality.settles(), SETTLES_QUICKLY);
+        (0..10).for_each(|_| adaptive_quality.record(2.0, false));
+        assert_eq!(adaptive_quality.settles(), SETTLES);
     }
 
     #[test]

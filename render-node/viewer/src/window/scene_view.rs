@@ -1,7 +1,7 @@
 //! The picture of a window and its mouse actions.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use egui::{Color32, Pos2, Rect, TextureHandle, TextureId, Ui, Vec2};
 use glam::{DVec2, DVec3};
@@ -35,9 +35,6 @@ use crate::display::{
 
 /// Time that a picture may take while something moves, seconds.
 const BUDGET: f64 = 0.04;
-
-/// Seconds of motion after the last change.
-const SETTLES: Duration = Duration::from_millis(180);
 
 /// Distance between the eyes of the side-by-side view, as a share of the way to the target.
 const EYES: f64 = 0.06;
@@ -75,6 +72,10 @@ pub(super) struct SceneView {
     changed: Instant,
     /// Whether the best picture of the last request is shown.
     settled: bool,
+    /// Whether a picture in motion of the last request was started.
+    drawn_in_motion: bool,
+    /// Whether the surface in front is queried once the picture at rest is drawn.
+    awaits_front: bool,
     adaptive_quality: AdaptiveQuality,
     pub(super) lasso: Vec<Pos2>,
     pub(super) polygon: Polygon,
@@ -138,6 +139,8 @@ impl SceneView {
             requested: None,
             changed: Instant::now(),
             settled: false,
+            drawn_in_motion: false,
+            awaits_front: false,
             adaptive_quality: AdaptiveQuality::new(BUDGET),
             lasso: Vec::new(),
             polygon: Polygon::default(),
@@ -171,6 +174,7 @@ impl SceneView {
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
         self.settled
+            && !self.awaits_front
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
             && self.shape_tool.is_idle()
@@ -319,11 +323,15 @@ impl SceneView {
         let now = Instant::now();
         if self.requested.as_ref() != Some(&requested) {
             self.changed = now;
-            self.settled = false;
+            (self.settled, self.drawn_in_motion) = (false, false);
             self.requested = Some(requested);
         }
-        let moving = now.duration_since(self.changed) < SETTLES;
+        let still = now.duration_since(self.changed);
+        let settles = self.adaptive_quality.settles();
+        let moving = still < settles;
+        // One picture in motion is enough of what no longer changes.
         if !self.settled
+            && !(moving && self.drawn_in_motion)
             && self.picture_worker.is_idle()
             && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
@@ -343,14 +351,14 @@ impl SceneView {
                 shown_by,
                 finish,
             });
-            // A picture in motion is followed by another.
-            self.settled = !moving;
+            // A picture in motion is followed by one at rest.
+            (self.settled, self.drawn_in_motion) = (!moving, moving);
         }
         // At rest only a finished picture wakes the loop: a frame that asks for the next one keeps a core busy.
         if moving {
-            ui.ctx().request_repaint_after(SETTLES.saturating_sub(now.duration_since(self.changed)));
+            ui.ctx().request_repaint_after(settles.saturating_sub(still));
         }
-        self.request_front(rect, appearance, moving);
+        self.request_front(rect, appearance);
         if let Some(picture) = self.picture {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             let placed = placed(rect, self.picture_size);
@@ -423,9 +431,11 @@ impl SceneView {
         }
     }
 
-    /// Queries the frontmost surface once the eye rests, if the tool needs it.
-    fn request_front(&mut self, rect: Rect, appearance: &Appearance, moving: bool) {
-        if moving || self.stereo || self.brush_controller.is_drawing() {
+    /// Queries the frontmost surface once the picture at rest is drawn: both together would delay that picture.
+    fn request_front(&mut self, rect: Rect, appearance: &Appearance) {
+        let is_queried = !self.stereo && !self.brush_controller.is_drawing();
+        self.awaits_front = is_queried && !self.is_current();
+        if !is_queried || self.awaits_front {
             return;
         }
         // The highlight changes no place of anything.
