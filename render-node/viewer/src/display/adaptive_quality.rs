@@ -33,7 +33,7 @@ const NEWEST: f64 = 0.5;
 const SETTLES: Duration = Duration::from_millis(180);
 
 /// That time where a picture at rest takes up to [`QUICK`] seconds. A dragging hand seldom pauses for so long.
-const SETTLES_QUICKLY: Duration = Duration::from_millis(80);
+const SETTLES_QUICKLY: Duration = Duration::from_millis(60);
 
 /// Seconds of a picture that the continued motion hardly waits for.
 const QUICK: f64 = 0.3;

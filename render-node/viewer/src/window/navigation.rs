@@ -92,9 +92,10 @@ impl Navigator {
         Camera { near: self.view.near_distance(self.near), ..self.view.camera(width, height) }
     }
 
-    /// A drag by `delta`, in heights of the picture, x to the right and y down: the visible scene follows the hand.
+    /// A drag by `delta`, in heights of the picture, x to the right and y down: the visible scene follows the hand. A hand that holds
+    /// still changes no bit, so that the picture comes to rest.
     pub fn turn(&mut self, delta: DVec2) {
-        if !delta.is_finite() {
+        if !delta.is_finite() || delta == DVec2::ZERO {
             return;
         }
         let view = self.view;
@@ -125,6 +126,9 @@ impl Navigator {
     /// Slides eye and target in the plane of the picture, so that points at the target's depth follow the hand. `delta` is
     /// in heights of the picture.
     pub fn slide(&mut self, delta: DVec2) {
+        if delta == DVec2::ZERO {
+            return;
+        }
         let view = self.view;
         let Some((right, up, _)) = axes(&view) else { return };
         let height = 2.0 * view.eye.distance(view.target) * (0.5 * view.fov_y_degrees.to_radians()).tan();
@@ -134,7 +138,7 @@ impl Navigator {
 
     /// Makes things at the target `factor` times as large; a flying eye goes ahead instead, by a share of the scene's length.
     pub fn approach(&mut self, factor: f64) {
-        if !(factor.is_finite() && factor > 0.0) {
+        if !(factor.is_finite() && factor > 0.0) || factor == 1.0 {
             return;
         }
         match self.navigation_mode {
@@ -149,6 +153,9 @@ impl Navigator {
 
     /// Moves eye and target by a way in the eye's axes (right, up, forward), scene length unit.
     pub fn fly(&mut self, way: DVec3) {
+        if way == DVec3::ZERO {
+            return;
+        }
         let view = self.view;
         let Some((right, up, forward)) = axes(&view) else { return };
         let way = right * way.x + up * way.y + forward * way.z;
@@ -210,6 +217,23 @@ mod tests {
         assert_eq!(n.camera(40, 30).near, 0.02);
         n.view.eye = n.view.target + DVec3::new(0.0, 0.0, 0.01);
         assert!((n.camera(40, 30).near - 0.001).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_hand_that_holds_still_changes_no_bit() {
+        for navigation_mode in NavigationMode::ALL {
+            let mut n = navigator(navigation_mode);
+            for k in 0..100 {
+                n.turn(DVec2::new(0.013, 0.007));
+                n.slide(DVec2::new(0.003, -0.002));
+                let before = n.view;
+                n.turn(DVec2::ZERO);
+                n.slide(DVec2::ZERO);
+                n.approach(1.0);
+                n.fly(DVec3::ZERO);
+                assert_eq!(n.view, before, "{navigation_mode:?}, {k}");
+            }
+        }
     }
 
     #[test]

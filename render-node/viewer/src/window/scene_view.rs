@@ -330,8 +330,8 @@ impl SceneView {
         let settles = self.adaptive_quality.settles();
         let moving = still < settles;
         // One picture in motion is enough of what no longer changes.
-        if !self.settled
-            && !(moving && self.drawn_in_motion)
+        let is_drawn = if moving { self.drawn_in_motion } else { self.settled };
+        if !is_drawn
             && self.picture_worker.is_idle()
             && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
