@@ -75,7 +75,7 @@ pub(super) struct SceneView {
     /// Whether a picture in motion of the last request was started.
     drawn_in_motion: bool,
     /// Whether the surface in front is queried once the picture at rest is drawn.
-    awaits_front: bool,
+    expects_front: bool,
     adaptive_quality: AdaptiveQuality,
     pub(super) lasso: Vec<Pos2>,
     pub(super) polygon: Polygon,
@@ -140,7 +140,7 @@ impl SceneView {
             changed: Instant::now(),
             settled: false,
             drawn_in_motion: false,
-            awaits_front: false,
+            expects_front: false,
             adaptive_quality: AdaptiveQuality::new(BUDGET),
             lasso: Vec::new(),
             polygon: Polygon::default(),
@@ -174,7 +174,7 @@ impl SceneView {
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
         self.settled
-            && !self.awaits_front
+            && !self.expects_front
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
             && self.shape_tool.is_idle()
@@ -434,8 +434,8 @@ impl SceneView {
     /// Queries the frontmost surface once the picture at rest is drawn: both together would delay that picture.
     fn request_front(&mut self, rect: Rect, appearance: &Appearance) {
         let is_queried = !self.stereo && !self.brush_controller.is_drawing();
-        self.awaits_front = is_queried && !self.is_current();
-        if !is_queried || self.awaits_front {
+        self.expects_front = is_queried && !self.is_current();
+        if !is_queried || self.expects_front {
             return;
         }
         // The highlight changes no place of anything.

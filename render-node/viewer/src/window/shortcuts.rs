@@ -323,7 +323,7 @@ pub(super) struct KeyFocus {
     /// A menu is open. Esc closes it.
     pub(super) has_menu: bool,
     /// A text field gets the focus once it is drawn, so that keys belong to it already. Esc takes them away from it.
-    pub(super) awaits_field: bool,
+    pub(super) expects_field: bool,
 }
 
 /// Result of the keys of one frame.
@@ -348,12 +348,12 @@ impl KeyFocus {
 #[must_use]
 pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Pressed {
     let mut result = Pressed::default();
-    let mut leads_to_field = focus.awaits_field;
+    let mut leads_to_field = focus.expects_field;
     input.events.retain(|event| {
         let Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
         if leads_to_field && *key == Key::Escape {
             leads_to_field = false;
-            result.leaves_field |= focus.awaits_field;
+            result.leaves_field |= focus.expects_field;
             result.actions.pop_if(|action| action.leads_to_field());
             return false;
         }
@@ -443,7 +443,7 @@ mod tests {
             modifiers: if key == Key::Z { Modifiers::COMMAND } else { Modifiers::NONE },
         };
         // The frame after a sentence was sent: the field is to get the focus again.
-        let focus = KeyFocus { awaits_field: true, ..KeyFocus::default() };
+        let focus = KeyFocus { expects_field: true, ..KeyFocus::default() };
         let mut input = InputState::default();
         input.events = [Key::H, Key::Escape, Key::Z].map(key).to_vec();
         assert_eq!(pressed(&mut input, focus), Pressed { actions: vec![Action::Undo], leaves_field: true });

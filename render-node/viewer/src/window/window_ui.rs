@@ -249,7 +249,7 @@ impl WindowUi {
             is_typing: ui.ctx().text_edit_focused(),
             has_control: ui.ctx().egui_wants_keyboard_input(),
             has_menu: egui::Popup::is_any_open(ui.ctx()),
-            awaits_field: waits,
+            expects_field: waits,
         };
         if !waits && !focus.is_typing {
             self.scene_view.take_polygon_keys(ui);
