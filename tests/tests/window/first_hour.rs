@@ -165,12 +165,6 @@ impl Window<'_> {
         self.desk.screen.act(&["key", key]).unwrap();
     }
 
-    /// Takes the keys away from a text field. The window has them from the frame after Escape on.
-    async fn leave_text_field(&self) {
-        self.key("Escape");
-        tokio::time::sleep(Duration::from_millis(500)).await;
-    }
-
     async fn type_line(&self, text: &str) {
         // A text field takes letters from the frame after its key on.
         tokio::time::sleep(Duration::from_millis(500)).await;
@@ -343,7 +337,7 @@ impl Window<'_> {
         assert!(said.contains(&format!("of {} answers", first.steps.len())), "{said}");
         let by_words = self.scene("another answer by words", |s| s.revision > undone.revision && another(s)).await;
         self.picture("3-by-words").await;
-        self.leave_text_field().await;
+        self.key("Escape");
         self.key("ctrl+z");
         self.scene("the first answer again", back(by_words.revision)).await;
     }
@@ -365,7 +359,7 @@ impl Window<'_> {
             let done = self.scene(&sentence, |s| s.undo.first().is_some_and(|line| line.contains(step))).await;
             assert_eq!(done.undo.get(1..6), before.undo.get(..5), "{sentence}: one step");
             self.picture(&format!("6-{step}")).await;
-            self.leave_text_field().await;
+            self.key("Escape");
             self.key("ctrl+z");
             self.scene("taken back", |s| made(s) == made(&before)).await;
         }
@@ -380,7 +374,7 @@ impl Window<'_> {
             names.contains(&"both") && !names.contains(&name) && !names.contains(&"second")
         })
         .await;
-        self.leave_text_field().await;
+        self.key("Escape");
         self.key("ctrl+z");
         self.key("ctrl+z");
         self.scene("the units of before", |s| made(s) == made(&before)).await;

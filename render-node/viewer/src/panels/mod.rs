@@ -103,9 +103,9 @@ impl Panels {
         self.text_input.is_awaited()
     }
 
-    /// Leaves the focus where it is: Esc came before the field was drawn.
+    /// Gives no field the focus: Esc came before it was drawn.
     pub(crate) fn expect_no_letters(&mut self) {
-        self.text_input.turn_to_none();
+        self.text_input.leave();
     }
 
     /// Has letters go to the name of a new unit as soon as that is drawn.

@@ -89,12 +89,6 @@ impl TextInput {
         self.version += 1;
     }
 
-    /// Focuses no field at its next frame.
-    pub(super) fn turn_to_none(&mut self) {
-        self.wanted = None;
-        self.version += 1;
-    }
-
     /// Whether some field gets the focus at its next frame.
     pub(super) fn is_awaited(&self) -> bool {
         self.wanted.is_some()
@@ -142,8 +136,9 @@ impl TextInput {
         }
     }
 
-    /// Clears the focus.
+    /// Clears the focus, and that of a field that was to get it at its next frame.
     pub(super) fn leave(&mut self) {
+        self.wanted = None;
         self.leave = self.field.is_some();
         self.version += 1;
     }

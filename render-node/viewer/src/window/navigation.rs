@@ -126,9 +126,6 @@ impl Navigator {
     /// Slides eye and target in the plane of the picture, so that points at the target's depth follow the hand. `delta` is
     /// in heights of the picture.
     pub fn slide(&mut self, delta: DVec2) {
-        if delta == DVec2::ZERO {
-            return;
-        }
         let view = self.view;
         let Some((right, up, _)) = axes(&view) else { return };
         let height = 2.0 * view.eye.distance(view.target) * (0.5 * view.fov_y_degrees.to_radians()).tan();
@@ -153,9 +150,6 @@ impl Navigator {
 
     /// Moves eye and target by a way in the eye's axes (right, up, forward), scene length unit.
     pub fn fly(&mut self, way: DVec3) {
-        if way == DVec3::ZERO {
-            return;
-        }
         let view = self.view;
         let Some((right, up, forward)) = axes(&view) else { return };
         let way = right * way.x + up * way.y + forward * way.z;

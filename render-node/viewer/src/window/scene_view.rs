@@ -39,6 +39,14 @@ const BUDGET: f64 = 0.04;
 /// Distance between the eyes of the side-by-side view, as a share of the way to the target.
 const EYES: f64 = 0.06;
 
+/// A picture of a request, from none to the best.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Started {
+    Nothing,
+    InMotion,
+    AtRest,
+}
+
 /// The picture of a window.
 pub(super) struct SceneView {
     pub(super) scene: Arc<Scene>,
@@ -70,10 +78,8 @@ pub(super) struct SceneView {
     drawn_by: Option<Gpu>,
     requested: Option<PictureRequest>,
     changed: Instant,
-    /// Whether the best picture of the last request is shown.
-    settled: bool,
-    /// Whether a picture in motion of the last request was started.
-    drawn_in_motion: bool,
+    /// The best picture of the last request that was started.
+    started: Started,
     /// Whether the surface in front is queried once the picture at rest is drawn.
     expects_front: bool,
     adaptive_quality: AdaptiveQuality,
@@ -138,8 +144,7 @@ impl SceneView {
             drawn_by,
             requested: None,
             changed: Instant::now(),
-            settled: false,
-            drawn_in_motion: false,
+            started: Started::Nothing,
             expects_front: false,
             adaptive_quality: AdaptiveQuality::new(BUDGET),
             lasso: Vec::new(),
@@ -168,12 +173,12 @@ impl SceneView {
 
     /// Whether the shown picture is the best one of the last request.
     pub(super) fn is_current(&self) -> bool {
-        self.settled && self.picture_worker.is_idle()
+        self.started == Started::AtRest && self.picture_worker.is_idle()
     }
 
     /// Whether the best picture is shown and no work is pending.
     pub(super) fn is_settled(&self) -> bool {
-        self.settled
+        self.started == Started::AtRest
             && !self.expects_front
             && [self.picture_worker.is_idle(), self.front_worker.is_idle(), self.occlusion_worker.is_idle()]
                 == [true; 3]
@@ -323,15 +328,15 @@ impl SceneView {
         let now = Instant::now();
         if self.requested.as_ref() != Some(&requested) {
             self.changed = now;
-            (self.settled, self.drawn_in_motion) = (false, false);
+            self.started = Started::Nothing;
             self.requested = Some(requested);
         }
         let still = now.duration_since(self.changed);
         let settles = self.adaptive_quality.settles();
         let moving = still < settles;
-        // One picture in motion is enough of what no longer changes.
-        let is_drawn = if moving { self.drawn_in_motion } else { self.settled };
-        if !is_drawn
+        // One picture in motion is enough of what no longer changes; one at rest follows it.
+        let wanted = if moving { Started::InMotion } else { Started::AtRest };
+        if self.started < wanted
             && self.picture_worker.is_idle()
             && let Some(PictureRequest { scene, cameras, appearance, .. }) = &self.requested
         {
@@ -351,8 +356,7 @@ impl SceneView {
                 shown_by,
                 finish,
             });
-            // A picture in motion is followed by one at rest.
-            (self.settled, self.drawn_in_motion) = (!moving, moving);
+            self.started = wanted;
         }
         // At rest only a finished picture wakes the loop: a frame that asks for the next one keeps a core busy.
         if moving {
