@@ -304,7 +304,7 @@ impl RenderActor {
         let state = newest.state();
         let labels = match display_mode(request) {
             DisplayMode::Clusters | DisplayMode::FirstComponent | DisplayMode::Outlines => {
-                Some(self.labels(context).await?)
+                Some(self.labels(state, context).await?)
             }
             _ => None,
         };
@@ -330,13 +330,12 @@ impl RenderActor {
             pick::pick(scene, (state, view, actor.near), request)
         })?;
         // A scene without a selection process has no clusters, but picking works all the same.
-        let labels = if hit.is_some() { self.labels(context).await.ok() } else { None };
+        let labels = if hit.is_some() { self.labels(state, context).await.ok() } else { None };
         Ok(pick::reply(state, hit, labels.as_deref()))
     }
 
-    async fn labels(&mut self, context: &Context) -> Result<Arc<[u32]>, Fault> {
-        let gaussians = self.engine.scene().len();
-        let clusters = self.clusters.newest(&self.bus, &self.blobs, gaussians, context).await?;
+    async fn labels(&mut self, state: &EditState, context: &Context) -> Result<Arc<[u32]>, Fault> {
+        let clusters = self.clusters.newest(&self.bus, &self.blobs, state.count(), context).await?;
         Ok(Arc::clone(clusters.labels()))
     }
 

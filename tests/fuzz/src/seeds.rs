@@ -19,9 +19,10 @@ use sg_proto::prost::{Message as _, Name};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, Event, MergeUnits, NamedView, Orbit,
-    PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight,
-    SetLock, SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Target, TransformGaussians, Undo, Vector,
+    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, DuplicateGaussians, Event, MergeUnits,
+    NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground,
+    SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Target,
+    TransformGaussians, Undo, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -498,6 +499,8 @@ fn some_commands() -> Vec<Command> {
             millimetres: true,
             ..TransformGaussians::default()
         }),
+        Action::DuplicateGaussians(DuplicateGaussians { target: selection(), name: String::new() }),
+        Action::DuplicateGaussians(DuplicateGaussians { target: on(&["bone"]), name: "twin".to_owned() }),
     ];
     let numbered = (1..).zip(actions);
     numbered.map(|(n, action)| Command { id: format!("c{n}"), expected_revision: 0, action: Some(action) }).collect()

@@ -4,9 +4,9 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, FilesRequest, MeasureRequest, MergeUnits,
-    Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLock, SetOpacity, SetTone, State,
-    Target, TransformGaussians, Undo, Vector,
+    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, DuplicateGaussians, FilesRequest,
+    MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLock,
+    SetOpacity, SetTone, State, Target, TransformGaussians, Undo, Vector,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -54,6 +54,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("takes back what it is told to", undo(stage).await);
     checks.note("deletes Gaussians and brings them back", deletes(stage).await);
     checks.note("moves, turns and scales what it is told to", moves(stage).await);
+    checks.note("duplicates Gaussians and takes the copies away", duplicates(stage).await);
     checks.note("merges units and changes tones", merges(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
@@ -238,6 +239,48 @@ async fn moves(stage: &mut Stage<'_>) -> Result<(), String> {
     refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &refused), &id).await, &[Code::FailedPrecondition])?;
     stage.change(Action::Undo(Undo { steps: 1 })).await?;
     hold(edge(stage).await? == before, || "undo left it elsewhere".to_owned())
+}
+
+async fn duplicates(stage: &mut Stage<'_>) -> Result<(), String> {
+    let before = stage.scene_state().await?;
+    let of = |state: &State, name: &str| state.base_units.iter().find(|unit| unit.name == name).cloned();
+    let sac = stage.cli.ask(&keys::SCENE_MEASURE, &MeasureRequest { target: named("sac") }, &soon()).await;
+    let sac = sac.map_err(|f| f.to_string())?;
+    let duplicate = DuplicateGaussians { target: named("sac"), name: "twin".to_owned() };
+    stage.change(Action::DuplicateGaussians(duplicate.clone())).await?;
+    let after = stage.scene_state().await?;
+    let copies = after.count - before.count;
+    let twin = of(&after, "twin").ok_or("no base unit of the copies")?;
+    hold(twin.duplicated && (twin.first, twin.count) == (before.count, copies) && copies > 0, || {
+        format!("{copies} copies, and the unit {twin:?}")
+    })?;
+    hold(after.selection.as_ref().map(|s| s.count) == Some(copies), || "the copies are not selected".to_owned())?;
+    let whole = changes(stage, ChangesRequest { from: 0, snapshot: true }).await?.snapshot;
+    let whole = whole.ok_or("no snapshot where one was asked for")?;
+    let mask = whole.selection.as_ref().and_then(|s| s.mask.as_ref()).map_or(0, |m| m.length);
+    let parts = whole.duplicates.unwrap_or_default().parts;
+    let originals: Vec<u64> = parts.iter().map(|p| p.originals.as_ref().map_or(0, |m| m.length)).collect();
+    hold(mask == after.count && originals == [before.count], || {
+        format!("a mask of {mask} and originals among {originals:?} of {} Gaussians", after.count)
+    })?;
+    stage.change(shift("twin", 0.25)).await?;
+    let measured = stage.cli.ask(&keys::SCENE_MEASURE, &MeasureRequest { target: named("twin") }, &soon()).await;
+    let measured = measured.map_err(|f| f.to_string())?;
+    let edges = [&sac, &measured].map(|m| m.edges.unwrap_or_default().x);
+    hold((edges[0] - edges[1]).abs() < 1e-3 * edges[0], || format!("the sac and its copy are {edges:?} long"))?;
+    let id = stage.new_id();
+    let taken = Command { id: id.clone(), expected_revision: 0, action: Some(Action::DuplicateGaussians(duplicate)) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &taken), &id).await, &[Code::AlreadyExists])?;
+    stage.kill_and_serve().await?;
+    let kept = stage.scene_state().await?;
+    hold(of(&kept, "twin") == of(&stage.scene_state().await?, "twin") && kept.count == after.count, || {
+        format!("{} Gaussians after a restart, not {}", kept.count, after.count)
+    })?;
+    stage.change(Action::Undo(Undo { steps: 2 })).await?;
+    let undone = stage.scene_state().await?;
+    hold(undone.count == before.count && undone.base_units == before.base_units, || {
+        format!("undo left {} Gaussians in {:?}", undone.count, undone.base_units)
+    })
 }
 
 async fn changes(stage: &Stage<'_>, request: ChangesRequest) -> Result<Changes, String> {

@@ -283,9 +283,10 @@ async fn hour(desk: &Desk, data: &Path, file: &UserFile) {
     window.say(&format!("select the {}", file.name)).await;
     let chosen = window.scene("a selection", |s| selected(s) > 0).await;
     window.key("Escape");
+    window.duplicate(&chosen).await;
     window.key("Delete");
     let deleted = window.scene("deleted Gaussians", |s| s.deleted.is_some() || selected(s) == 0).await;
-    window.picture("6-deleted").await;
+    window.picture("7-deleted").await;
     window.key("ctrl+z");
     window.scene("they are back", |s| s.revision > deleted.revision && selected(s) == selected(&chosen)).await;
 
@@ -314,6 +315,25 @@ impl Window<'_> {
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+    }
+
+    /// Duplicates the selection by its key, colours the copy alone by words, and takes both back.
+    async fn duplicate(&self, chosen: &State) {
+        self.key("shift+d");
+        let copies = selected(chosen);
+        let is_copied = |s: &State| s.count == chosen.count + copies && selected(s) == copies;
+        let copied = self.scene("selected copies", is_copied).await;
+        let copy = copied.base_units.last().unwrap();
+        assert!(copy.duplicated && copy.count == copies, "{copy:?}");
+        self.say("make the selection blue").await;
+        let blue = self.scene("blue copies", |s| s.revision > copied.revision && s.count == copied.count).await;
+        view(&self.bus, "a picture with the copies", |v| v.revision >= blue.revision).await;
+        self.picture("6-duplicated").await;
+        self.key("Escape");
+        self.key("ctrl+z");
+        self.key("ctrl+z");
+        let back = self.scene("no copy", |s| s.count == chosen.count && selected(s) == copies).await;
+        view(&self.bus, "a picture without the copies", |v| v.revision >= back.revision).await;
     }
 
     /// Takes another answer to the stroke by a key, and one by words, and takes both back.

@@ -1,9 +1,10 @@
 //! The Super-Gaussians of the scene, as published by the selection process.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use sg_formats::npy;
+use sg_proto::bus::Code;
 use sg_proto::keys;
 use sg_raster::structure::labels_of;
 use sg_runtime::blobs::{Blobs, StoredFile};
@@ -15,6 +16,9 @@ use sg_viewer::display::Clusters;
 /// Timeout for an answer of the selection process. It is several times the restart time of that process. It stays below the
 /// caller's own deadline, for a stack without a selection process.
 const SELECTION_WAIT: Duration = Duration::from_millis(500);
+
+/// Pause before labels of other Gaussians are asked for again: the selection process follows the scene too.
+const OTHER_LABELS_PAUSE: Duration = Duration::from_millis(20);
 
 /// The newest known clusters.
 #[derive(Default)]
@@ -28,8 +32,26 @@ impl ClusterLabels {
     /// labels.
     ///
     /// # Errors
-    /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians`.
+    /// `Unavailable` while there is no selection process; labels that cannot be had or do not fit `gaussians` for half a second.
     pub(super) async fn newest(
+        &mut self,
+        bus: &Bus,
+        blobs: &Blobs,
+        gaussians: usize,
+        context: &Context,
+    ) -> Result<Arc<Clusters>, Fault> {
+        let begun = Instant::now();
+        loop {
+            match self.read(bus, blobs, gaussians, context).await {
+                Err(fault) if fault.code == Code::Internal && begun.elapsed() < SELECTION_WAIT => {
+                    tokio::time::sleep(OTHER_LABELS_PAUSE).await;
+                }
+                outcome => return outcome,
+            }
+        }
+    }
+
+    async fn read(
         &mut self,
         bus: &Bus,
         blobs: &Blobs,
@@ -38,7 +60,9 @@ impl ClusterLabels {
     ) -> Result<Arc<Clusters>, Fault> {
         let asking = context.next().within(SELECTION_WAIT);
         let (state, sender) = bus.newest_identified(&keys::SELECTION_STATE, &asking).await?;
-        if let Some(clusters) = self.clusters.as_ref().filter(|_| self.hash == state.labels_hash) {
+        let is_known =
+            |clusters: &&Arc<Clusters>| self.hash == state.labels_hash && clusters.labels().len() == gaussians;
+        if let Some(clusters) = self.clusters.as_ref().filter(is_known) {
             return Ok(Arc::clone(clusters));
         }
         let stored = StoredFile { path: &state.labels_path, hash: &state.labels_hash, sender: sender.as_ref() };

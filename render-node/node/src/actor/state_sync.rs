@@ -49,7 +49,7 @@ pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer:
     tokio::spawn(scene(replica.receiver(), previews, writer.clone()));
     tokio::spawn(answers(bus.clone(), replica.receiver(), writer.clone()));
     let liveliness = bus.watch_liveliness(QUEUE).await?;
-    tokio::spawn(services(bus.clone(), host.blobs().clone(), liveliness, writer.clone()));
+    tokio::spawn(services((bus.clone(), host.blobs().clone()), liveliness, replica.receiver(), writer.clone()));
     let feeds = ConversationFeeds {
         utterances: bus.subscribe(&keys::UTTERANCE, role::AGENT_CORE, QUEUE).await?,
         intents: bus.subscribe(&keys::INTENT, role::AGENT_INTENT, QUEUE).await?,
@@ -148,15 +148,15 @@ async fn answers(bus: Bus, mut revisions: watch::Receiver<SceneRevision<Replica>
 
 /// The available services, and the clusters once the selection service answers.
 async fn services(
-    bus: Bus,
-    blobs: Blobs,
+    (bus, blobs): (Bus, Blobs),
     mut liveliness: tokio::sync::mpsc::Receiver<sg_runtime::bus::LivelinessChange>,
+    mut revisions: watch::Receiver<SceneRevision<Replica>>,
     writer: StateWriter,
 ) {
     let mut instances: HashMap<String, Vec<String>> = HashMap::new();
     let mut clusters = ClusterLabels::default();
-    let gaussians = writer.newest().scene.count();
     loop {
+        let gaussians = revisions.borrow_and_update().replica.state().count();
         let is_there = |role: &str| instances.get(role).is_some_and(|all| !all.is_empty());
         let services = ServiceAvailability {
             scene: is_there(role::SCENE),
@@ -186,13 +186,21 @@ async fn services(
                 }
             }
         }
-        let next = if retry {
-            match tokio::time::timeout(RETRY_AFTER, liveliness.recv()).await {
-                Ok(next) => next,
-                Err(_) => continue,
+        let others = async {
+            // Duplicated Gaussians have Super-Gaussians too.
+            revisions.wait_for(|newest| newest.replica.state().count() != gaussians).await.is_ok()
+        };
+        let again = async {
+            if retry {
+                tokio::time::sleep(RETRY_AFTER).await;
+            } else {
+                std::future::pending::<()>().await;
             }
-        } else {
-            liveliness.recv().await
+        };
+        let next = tokio::select! {
+            next = liveliness.recv() => next,
+            is_there = others => if is_there { continue } else { return },
+            () = again => continue,
         };
         let Some(seen) = next else { return };
         let all = instances.entry(seen.role).or_default();

@@ -21,11 +21,13 @@ struct Job {
     is_draft: bool,
 }
 
-/// Computes the scene of the newest state wherever edits have moved Gaussians. Without such edits it does nothing.
+/// Computes the scene of the newest state wherever edits have moved or duplicated Gaussians. Without such edits it does nothing.
 pub struct SceneFollower {
-    worker: LatestWorker<Job, FollowedScene>,
+    worker: LatestWorker<Job, (Arc<EditState>, FollowedScene)>,
     /// The state that was asked for last, and whether a hand was still at it.
     asked: (Arc<EditState>, bool),
+    /// The newest state with the Gaussians of the scene that is known.
+    shown: Arc<EditState>,
 }
 
 impl SceneFollower {
@@ -45,20 +47,20 @@ impl SceneFollower {
         let work = move |Job { state, is_draft }: Job| {
             let scene = placed.of(&state);
             if is_draft {
-                return FollowedScene { scene, brush: None };
+                return (state, FollowedScene { scene, brush: None });
             }
             let brush = match kept.take().filter(|(of, _)| Arc::ptr_eq(of, &scene)) {
                 Some((_, brush)) => brush,
                 None => Arc::new(Brush::of_scene(&scene)),
             };
             kept = Some((Arc::clone(&scene), Arc::clone(&brush)));
-            FollowedScene { scene, brush: Some(brush) }
+            (state, FollowedScene { scene, brush: Some(brush) })
         };
         let worker = LatestWorker::new("follows", work, wake)?;
-        Ok((Self { worker, asked: (first, false) }, scene))
+        Ok((Self { worker, asked: (Arc::clone(&first), false), shown: first }, scene))
     }
 
-    /// Asks for the scene of `state` where Gaussians are elsewhere in it; `is_draft` says that a hand still moves them. Returns
+    /// Asks for the scene of `state` where it has other Gaussians, or has them elsewhere; `is_draft` says that a hand still moves them. Returns
     /// the newest scene that is known, once, and does not wait.
     pub fn follow(&mut self, state: &Arc<EditState>, is_draft: bool) -> Option<FollowedScene> {
         let (asked, was_draft) = &self.asked;
@@ -67,7 +69,19 @@ impl SceneFollower {
             self.worker.submit(Job { state: Arc::clone(state), is_draft });
             self.asked = (Arc::clone(state), is_draft);
         }
-        self.worker.take()
+        let (state, followed) = self.worker.take()?;
+        self.shown = state;
+        Some(followed)
+    }
+
+    /// `state`, or the last one before it that fits the scene which [`Self::follow`] returned last: after a change of the number of
+    /// Gaussians, a display shows the former state until their scene is known.
+    #[must_use]
+    pub fn shown(&mut self, state: &Arc<EditState>) -> Arc<EditState> {
+        if self.shown.has_gaussians_of(state) {
+            self.shown = Arc::clone(state);
+        }
+        Arc::clone(&self.shown)
     }
 
     /// Whether nothing is computed or waits.
@@ -82,7 +96,7 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use sg_proto::scene::command::Action;
-    use sg_proto::scene::{Target, TransformGaussians, Vector};
+    use sg_proto::scene::{DuplicateGaussians, Target, TransformGaussians, Vector};
     use sg_scene::synthetic::test_scene;
 
     use super::*;
@@ -116,5 +130,22 @@ mod tests {
         let at = rests.scene.position(3).unwrap();
         assert_eq!(rests.brush.unwrap().nearest(&[at]), Some(3));
         assert!(Arc::ptr_eq(&awaited(&mut follower, &opened, false).scene, &file), "undone: the file's own again");
+    }
+
+    #[test]
+    fn a_display_shows_the_state_before_a_duplicate_until_its_scene_is_there() {
+        let file = Arc::new(test_scene(&[("bone", 30)]));
+        let opened = Arc::new(EditState::of_scene(&file, "", ""));
+        let (mut follower, _) = SceneFollower::new(Arc::clone(&file), Arc::clone(&opened), || ()).unwrap();
+        let target = Some(Target { everything: true, ..Target::default() });
+        let duplicate = DuplicateGaussians { target, ..DuplicateGaussians::default() };
+        let duplicated = Arc::new(opened.after(&file, Action::DuplicateGaussians(duplicate)).unwrap());
+        assert!(Arc::ptr_eq(&follower.shown(&duplicated), &opened), "its scene is not known");
+        let followed = awaited(&mut follower, &duplicated, false);
+        assert_eq!(followed.scene.len(), 60);
+        assert!(Arc::ptr_eq(&follower.shown(&duplicated), &duplicated));
+        assert!(Arc::ptr_eq(&follower.shown(&opened), &duplicated), "undone, but the scene is that of both still");
+        assert_eq!(awaited(&mut follower, &opened, false).scene.len(), 30);
+        assert!(Arc::ptr_eq(&follower.shown(&opened), &opened));
     }
 }

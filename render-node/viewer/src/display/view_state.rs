@@ -71,6 +71,17 @@ impl ViewState {
         }
     }
 
+    /// This state with another one of its scene, such as a draft. The selection of a scene with other Gaussians goes.
+    #[must_use]
+    pub fn with_scene(&self, scene: Arc<EditState>) -> Self {
+        let mut state = Self { scene, ..self.clone() };
+        if !state.scene.has_gaussians_of(&self.scene) {
+            state.selected = Arc::clone(state.scene.selection().mask());
+            (state.uncommitted, state.trial_tuning) = (false, None);
+        }
+        state
+    }
+
     /// Whether `undo` and `redo` are those of the shown scene. Until their answer comes they may be of an earlier revision, and a
     /// label would name a step that undo does not take back.
     #[must_use]

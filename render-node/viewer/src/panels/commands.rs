@@ -6,8 +6,8 @@ use sg_edit::wire::{encode_axis, encode_color, encode_mask};
 use sg_edit::{EditError, EditState, Part};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    CommitSelection, DeleteGaussians, MergeUnits, SetColor, SetLock, SetOpacity, SetTone, SetView, SetVisibility,
-    ShowOnly, Target, set_view,
+    CommitSelection, DeleteGaussians, DuplicateGaussians, MergeUnits, SetColor, SetLock, SetOpacity, SetTone, SetView,
+    SetVisibility, ShowOnly, Target, set_view,
 };
 use sg_scene::orientation::Axis;
 
@@ -69,6 +69,12 @@ pub(super) fn focus(target: Target) -> Action {
 pub(crate) fn delete_selection() -> Action {
     let target = Some(Target { selection: true, ..Target::default() });
     Action::DeleteGaussians(DeleteGaussians { target })
+}
+
+/// Copies the selected Gaussians; the copies are selected afterwards.
+pub(crate) fn duplicate_selection() -> Action {
+    let target = Some(Target { selection: true, ..Target::default() });
+    Action::DuplicateGaussians(DuplicateGaussians { target, ..DuplicateGaussians::default() })
 }
 
 /// Deletes everything but the selected Gaussians.

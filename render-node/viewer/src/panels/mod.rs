@@ -65,7 +65,9 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
-pub(crate) use commands::{crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
+pub(crate) use commands::{
+    crop_to_selection, delete_selection, duplicate_selection, frame_selection, select_visible, turn_up,
+};
 pub(crate) use control::{capital, labelled_button};
 pub(crate) use display_options::mode_icon;
 pub(crate) use icon::Icon;

@@ -12,7 +12,7 @@ use sg_proto::scene::{
 };
 use sg_proto::selection::StrokesRequest;
 
-use super::commands::{crop_to_selection, delete_selection, frame_selection, select_visible};
+use super::commands::{crop_to_selection, delete_selection, duplicate_selection, frame_selection, select_visible};
 use super::control::{
     NOTHING_SELECTED, Number, button_width, by_number, framed, scale, scroll, scrolling, section, section_that,
 };
@@ -235,6 +235,8 @@ impl Panels {
         };
         let does = "removes the selected Gaussians from the scene; undo brings them back (Delete)";
         button(stored, "delete", does, delete_selection());
+        let does = "copies the selected Gaussians in place and selects the copy (Shift+D)";
+        button(stored, "duplicate", does, duplicate_selection());
         // Without anything else there is nothing to crop.
         let rest = selected < state.scene.existing_count();
         let does = "deletes everything but the selection, hidden Gaussians too (Shift+Delete)";

@@ -34,7 +34,7 @@ pub struct Panels {
     /// The drawn version of `text_input`, by the name of the panel.
     pub(super) drawn: BTreeMap<&'static str, u64>,
     pub(super) shift: bool,
-    pub(super) renaming: Option<u64>,
+    pub(super) renaming: Option<UnitRef>,
     pub(super) select: SelectState,
     /// The newest turn of the conversation as it was shown last.
     pub(super) last_turn: Option<LastTurn>,

@@ -2,7 +2,7 @@
 
 use egui::{Align, Button, Rect, RichText, Ui, vec2};
 use glam::Vec3;
-use sg_edit::UnitRef;
+use sg_edit::{BaseUnitState, UnitRef};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation};
@@ -81,6 +81,14 @@ impl LineLayout {
     }
 }
 
+/// Whether the name of a unit is not the file's own.
+fn can_rename(state: &ViewState, unit: UnitRef) -> bool {
+    match unit {
+        UnitRef::Base(i) => state.scene.base_units().get(i).is_some_and(|base| base.duplicated),
+        UnitRef::Editable(_) => true,
+    }
+}
+
 impl Panels {
     /// The structures: those of the file, saved ones, and those that commands made.
     pub(super) fn structures(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
@@ -107,7 +115,9 @@ impl Panels {
     }
 
     fn base_units(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
-        for (i, base) in state.scene.base_units().iter().enumerate() {
+        // A duplicate that was deleted is nothing of the file: undo brings it back, and "restore deleted".
+        let exists = |base: &BaseUnitState| !base.duplicated || base.existing() > 0;
+        for (i, base) in state.scene.base_units().iter().enumerate().filter(|(_, base)| exists(base)) {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
@@ -266,11 +276,12 @@ impl Panels {
 
     fn details(&mut self, ui: &mut Ui, state: &ViewState, row: &Row, free: bool, output: &mut Output) {
         let members = match row.unit {
-            UnitRef::Base(i) => state.scene.base_units().get(i).map_or(0, sg_edit::BaseUnitState::existing),
+            UnitRef::Base(i) => state.scene.base_units().get(i).map_or(0, BaseUnitState::existing),
             UnitRef::Editable(id) => state.scene.units().find(|u| u.id == id).map_or(0, |u| u.mask.count()),
         };
         let share = members as f64 / state.scene.existing_count().max(1) as f64;
         let what = match row.unit {
+            UnitRef::Base(_) if can_rename(state, row.unit) => "duplicate",
             UnitRef::Base(_) => "base unit",
             UnitRef::Editable(_) => "unit",
         };
@@ -292,8 +303,8 @@ impl Panels {
                 self.hold(commands::set_opacity(&row.name, opacity as f32));
             }
             self.tone(ui, &row.name, row.tone, output);
-            if let UnitRef::Editable(id) = row.unit {
-                self.name_or_delete(ui, row, id, output);
+            if can_rename(state, row.unit) {
+                self.name_or_delete(ui, row, output);
             }
         });
     }
@@ -328,8 +339,8 @@ impl Panels {
         });
     }
 
-    fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, id: u64, output: &mut Output) {
-        if self.renaming == Some(id) {
+    fn name_or_delete(&mut self, ui: &mut Ui, row: &Row, output: &mut Output) {
+        if self.renaming == Some(row.unit) {
             ui.horizontal(|ui| {
                 let width = ui.available_width() - button_width(ui, "rename") - ui.spacing().item_spacing.x;
                 let came = self.text_input.edit(ui, Field::NewName, "new name", width, MAX_NAME_BYTES);
@@ -347,11 +358,13 @@ impl Panels {
         }
         ui.horizontal_wrapped(|ui| {
             if ui.button("rename").clicked() {
-                self.renaming = Some(id);
+                self.renaming = Some(row.unit);
                 self.text_input.set(Field::NewName, row.name.clone());
                 self.text_input.turn_to(Field::NewName);
             }
-            if ui.button("Remove name (keeps splats)").on_hover_text("undo brings the name back").clicked() {
+            let is_saved = matches!(row.unit, UnitRef::Editable(_));
+            let remove = || Button::new("Remove name (keeps splats)");
+            if is_saved && ui.add(remove()).on_hover_text("undo brings the name back").clicked() {
                 output.change(Action::DeleteUnit(DeleteUnit { name: row.name.clone() }));
             }
         });

@@ -304,7 +304,10 @@ impl VrView {
     pub fn prepare(&mut self, headset: &Headset) {
         let Some(sight) = self.sight else { return };
         let prepared = match &mut self.eyes {
-            Some(eyes) => eyes.prepare(&sight, &self.tools, || self.view_port.newest().scene.appearance()),
+            Some(eyes) => eyes.prepare(&sight, &self.tools, || {
+                let newest = Arc::clone(&self.view_port.newest().scene);
+                self.follower.as_mut().map_or(Arc::clone(&newest), |follower| follower.shown(&newest)).appearance()
+            }),
             none => EyeRenderer::new(headset, &self.scene, self.rasterizer).map(|made| *none = made),
         };
         self.is_prepared = prepared.is_ok();
@@ -361,7 +364,7 @@ impl VrView {
         let drafted = self.drafts.over(&self.scene, &newest.scene);
         self.follow(&drafted);
         let notices = self.screenshots.with_notices(&newest.notices);
-        let state = ViewState { scene: drafted, notices, ..ViewState::clone(&newest) };
+        let state = ViewState { notices, ..newest.with_scene(self.shown(&drafted)) };
         let hands = frame.hands;
         let captured = self.panel_layers.step((&hands, &frame.head), &self.panels, &self.tools, &state);
         self.interaction.floor = floor_height(&self.tools, self.origin);
@@ -423,6 +426,11 @@ impl VrView {
                 self.eyes = None;
             }
         }
+    }
+
+    /// The state that fits the scene.
+    fn shown(&mut self, state: &Arc<EditState>) -> Arc<EditState> {
+        self.follower.as_mut().map_or_else(|| Arc::clone(state), |follower| follower.shown(state))
     }
 
     /// Finds what the hands' lasers meet: a panel, else the scene's front. A hand that draws or holds has no laser.

@@ -16,7 +16,9 @@ use super::mouse_tool::MouseTool;
 use super::shortcuts::{Action, Way};
 use super::window_ui::WindowUi;
 use crate::display::{BrushMode, DisplayMode, Request, ViewState, WalkParameter, other_answer};
-use crate::panels::{Panel, crop_to_selection, delete_selection, frame_selection, select_visible, turn_up};
+use crate::panels::{
+    Panel, crop_to_selection, delete_selection, duplicate_selection, frame_selection, select_visible, turn_up,
+};
 
 /// One step of the keys that widen and narrow the brush.
 const WIDER: f64 = 1.15;
@@ -138,15 +140,22 @@ impl WindowUi {
                 Ok(action) => requests.push(change(action)),
                 Err(_) => self.line = "nothing is visible; show something first".to_owned(),
             },
-            Action::Delete | Action::Crop if scene => {
+            Action::Delete | Action::Crop | Action::Duplicate if scene => {
                 if state.uncommitted {
-                    // The scene would delete the selection that it has stored, not the one on screen.
+                    // The scene would change the selection that it has stored, not the one on screen.
                     self.line = "the selection is not stored yet; press the key again".to_owned();
                 } else if state.scene.selection().mask().is_none() {
                     self.line = "nothing is selected; brush something first".to_owned();
                 } else {
-                    let delete = if action == Action::Delete { delete_selection() } else { crop_to_selection() };
-                    requests.push(change(delete));
+                    requests.push(change(match action {
+                        Action::Delete => delete_selection(),
+                        Action::Crop => crop_to_selection(),
+                        _ => duplicate_selection(),
+                    }));
+                    if action == Action::Duplicate {
+                        self.scene_view.mouse_tool = MouseTool::Move;
+                        self.line = "the copy lies in the place of the original; drag an arrow to move it".to_owned();
+                    }
                 }
             }
             Action::Invert if selection => {
@@ -179,6 +188,7 @@ impl WindowUi {
             | Action::Clear
             | Action::Invert
             | Action::Delete
+            | Action::Duplicate
             | Action::Crop
             | Action::FrameSelection
             | Action::NextUp

@@ -37,7 +37,8 @@ impl OcclusionWorker {
             self.worker.submit((Arc::clone(scene), wanted.clone()));
             self.requested = Some((Arc::clone(scene), wanted));
         }
-        self.factors.clone()
+        // Those of other Gaussians fit nothing: some were duplicated meanwhile, or a duplicate went.
+        self.factors.clone().filter(|factors| factors.len() == scene.len())
     }
 
     /// Whether nothing is computed or waits.

@@ -29,8 +29,8 @@ use super::picture_request::PictureRequest;
 use super::polygon::Polygon;
 use super::shape_tool::ShapeTool;
 use crate::display::{
-    AdaptiveQuality, BrushController, BrushSample, BrushSign, DisplayMode, FollowedScene, LatestWorker, Level, Tools,
-    ViewState,
+    AdaptiveQuality, BrushController, BrushSample, BrushSign, Clusters, DisplayMode, FollowedScene, LatestWorker,
+    Level, Tools, ViewState,
 };
 
 /// Time that a picture may take while something moves, seconds.
@@ -314,7 +314,8 @@ impl SceneView {
         let occlusion = self.occlusion(appearance, tools);
         let appearance = &Appearance { occlusion, ..appearance.clone() };
         let cameras = self.cameras(rect, ui.ctx().pixels_per_point());
-        let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines);
+        let fits = |clusters: &&Arc<Clusters>| clusters.labels().len() == self.scene.len();
+        let outlines = state.clusters.as_ref().filter(|_| tools.display_mode == DisplayMode::Outlines).filter(fits);
         let outlines = outlines.map(|clusters| Arc::clone(clusters.labels()));
         let requested = PictureRequest {
             scene: Arc::clone(&self.scene),

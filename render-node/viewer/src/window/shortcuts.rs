@@ -53,6 +53,8 @@ pub enum Action {
     Invert,
     /// Deletes the selected Gaussians.
     Delete,
+    /// Copies the selected Gaussians, to move the copy.
+    Duplicate,
     /// Deletes everything but the selected Gaussians.
     Crop,
     /// Letters go to the name of a new unit.
@@ -175,9 +177,14 @@ impl Action {
             | Self::Less
             | Self::More
             | Self::NextParameter => Group::Tools,
-            Self::All | Self::Clear | Self::Invert | Self::Delete | Self::Crop | Self::Name | Self::FrameSelection => {
-                Group::Selection
-            }
+            Self::All
+            | Self::Clear
+            | Self::Invert
+            | Self::Delete
+            | Self::Duplicate
+            | Self::Crop
+            | Self::Name
+            | Self::FrameSelection => Group::Selection,
             Self::Fit
             | Self::NextUp
             | Self::Flip
@@ -253,6 +260,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         Action::Crop,
         "crop: delete everything but the selection, hidden Gaussians too",
     ),
+    with(Modifiers::SHIFT, Key::D, "Shift+D", Action::Duplicate, "duplicate the selected Gaussians, to move the copy"),
     plain(Key::Delete, "Delete", Action::Delete, "delete the selected Gaussians"),
     plain(Key::Backspace, "Backspace", Action::Delete, "delete the selected Gaussians"),
     with(

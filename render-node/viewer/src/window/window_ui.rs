@@ -239,7 +239,7 @@ impl WindowUi {
             self.scene = Arc::clone(&followed.scene);
             self.scene_view.show_scene(followed);
         }
-        let state = ViewState { scene: drafted, ..ViewState::clone(&newest) };
+        let state = newest.with_scene(self.follower.shown(&drafted));
         theme::apply(ui.ctx(), &self.tools);
         let mut requests = Vec::new();
         // A field that waits for the focus gets the letters of this frame already, for one frame: it may never be drawn.

@@ -7,7 +7,9 @@ use egui_kittest::kittest::Queryable;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
-use sg_proto::scene::{Combine, DeleteGaussians, RestoreGaussians, SaveUnit, SetView, Target, set_view};
+use sg_proto::scene::{
+    Combine, DeleteGaussians, DuplicateGaussians, RestoreGaussians, SaveUnit, SetView, Target, set_view,
+};
 use sg_proto::selection::{AnswerStep, ProposalsReply, StrokesRequest};
 use sg_scene::mask::Mask;
 use sg_viewer::display::{BrushMode, Request, ServiceAvailability, Tools, WalkParameter};
@@ -159,11 +161,22 @@ fn the_selection_is_deleted_cropped_to_and_restored() {
 }
 
 #[test]
+fn the_selection_is_duplicated() {
+    let mut panel = prompt();
+    let target = Some(Target { selection: true, ..Target::default() });
+    let duplicate = Action::DuplicateGaussians(DuplicateGaussians { target, ..DuplicateGaussians::default() });
+    press(&mut panel, "duplicate");
+    assert_eq!(changes(&panel.state().asked), std::slice::from_ref(&duplicate));
+    let after = panel.state().shown.scene.after(&crate::stage::scene(), duplicate).unwrap();
+    assert_eq!((after.count(), after.selection().mask().count()), (1080, 80));
+}
+
+#[test]
 fn a_selection_that_is_not_stored_yet_is_not_deleted() {
     let mut panel = prompt();
     panel.state_mut().shown.uncommitted = true;
     panel.run();
-    for label in ["delete", "crop"] {
+    for label in ["delete", "duplicate", "crop"] {
         press(&mut panel, label);
         assert_eq!(panel.state().asked, [], "{label}");
     }

@@ -99,6 +99,9 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         Action::TransformGaussians(set) => {
             movement::report(clause, set.target.as_ref()).unwrap_or_else(|| sentence(&result.summary))
         }
+        Action::DuplicateGaussians(_) => {
+            format!("{} The copy lies in the place of the original and is selected.", sentence(&result.summary))
+        }
         Action::MergeUnits(_) => format!("{} Ctrl+Z takes it back.", sentence(&result.summary)),
         Action::SetTone(set) => tone::report(set, before),
         Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),

@@ -270,6 +270,17 @@ pub(crate) fn is_base_unit(name: &str, state: &State) -> bool {
 
 /// Finds the one editable unit of a clause.
 pub(crate) fn editable_unit(clause: &Clause, state: &State, verb: &str) -> Result<String, Refusal> {
+    unit_to_name(clause, state, verb, |name| !is_base_unit(name, state))
+}
+
+/// Finds the one unit of a clause of which the name is not the file's own: an editable one or duplicated Gaussians.
+pub(crate) fn renamable_unit(clause: &Clause, state: &State) -> Result<String, Refusal> {
+    unit_to_name(clause, state, "rename", |name| {
+        state.base_units.iter().all(|unit| unit.name != name || unit.duplicated)
+    })
+}
+
+fn unit_to_name(clause: &Clause, state: &State, verb: &str, can_be: impl Fn(&str) -> bool) -> Result<String, Refusal> {
     let reference = clause.target.clone().unwrap_or_default();
     let saved: Vec<&str> = state.units.iter().filter(|u| !u.locked).map(|u| u.name.as_str()).collect();
     let which = || {
@@ -287,7 +298,7 @@ pub(crate) fn editable_unit(clause: &Clause, state: &State, verb: &str) -> Resul
     }
     let target = target(&reference, state)?;
     match target.units.as_slice() {
-        [name] if is_base_unit(name, state) => Err(Refusal::precondition(format!(
+        [name] if !can_be(name) => Err(Refusal::precondition(format!(
             "“{name}” is part of the scene file and cannot be {verb}d. You can hide it. {}",
             which()
         ))),

@@ -199,6 +199,7 @@ fn short(clause: &Clause) -> String {
             format!("{} {about}{}", moved(kind).0, moved(kind).1)
         }
         Act::Merge => format!("merge {about} -> {}", clause.name),
+        Act::Duplicate => format!("duplicate {about} -> {}", clause.name),
         Act::SetTone => {
             let tone = clause.tone.as_ref().unwrap();
             let sign = if tone.relative { "x" } else { "=" };

@@ -14,8 +14,8 @@ use sg_proto::launch::{GaussianChoice, GaussianPart};
 use sg_proto::render::{Frame, UnitCoverage};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Axis, BaseUnit, Color, MergeUnits, PatientSide, Selection, SetLight, SetOperation, SetTone, SetView, State, Target,
-    TransformGaussians, Unit, Vector, View, set_view,
+    Axis, BaseUnit, Color, DuplicateGaussians, MergeUnits, PatientSide, RenameUnit, Selection, SetLight, SetOperation,
+    SetTone, SetView, State, Target, TransformGaussians, Unit, Vector, View, set_view,
 };
 use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesReply, StrokesRequest};
 
@@ -522,4 +522,22 @@ fn a_tone_out_of_range_is_told_with_its_range() {
             .contains("-1 (blue)")
     );
     assert!(refusal(&tone(SetTone::default()), &scene()).message.contains("has no saturation"));
+}
+
+#[test]
+fn a_target_is_duplicated_under_a_free_name_and_the_copy_can_be_renamed() {
+    let clause_of = |name: &str| Clause { name: name.into(), ..clause(Act::Duplicate, names_of(&["Left Root"])) };
+    let duplicated = |name: &str| {
+        let target = Some(Target { units: vec!["left root".to_owned()], ..Target::default() });
+        Action::DuplicateGaussians(DuplicateGaussians { target, name: name.to_owned() })
+    };
+    assert_eq!(action(&clause_of(""), &scene()), duplicated(""));
+    assert_eq!(action(&clause_of(" twin "), &scene()), duplicated("twin"));
+    assert_eq!(refusal(&clause_of("Leaves"), &scene()).code, Code::AlreadyExists);
+    let mut state = scene();
+    let rename = Clause { name: "twin".into(), ..clause(Act::Rename, names_of(&["leaves"])) };
+    assert!(refusal(&rename, &state).message.contains("is part of the scene file"));
+    state.base_units.iter_mut().for_each(|unit| unit.duplicated = unit.name == "leaves");
+    let renamed = RenameUnit { name: "leaves".into(), new_name: "twin".into() };
+    assert_eq!(action(&rename, &state), Action::RenameUnit(renamed));
 }

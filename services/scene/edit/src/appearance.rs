@@ -23,7 +23,7 @@ impl Transaction<'_> {
         for unit in self.base_and_named(&target) {
             match unit {
                 UnitRef::Base(i) => {
-                    let file = self.initial.base.get(i).map(|b| b.palette);
+                    let file = self.initial.base.get(self.state.file_unit(i)).map(|b| b.palette);
                     if let (Some(base), Some(palette)) = (self.state.base.get_mut(i), color.or(file)) {
                         base.palette = palette;
                     }

@@ -80,7 +80,7 @@ impl EditState {
     /// # Errors
     /// [`EditError::TooMany`] where more than 4,096 parts look different.
     pub fn edited(&self, scene: &Scene, members: &Mask) -> Result<Scene, EditError> {
-        let moved = (!self.placements().is_empty()).then(|| placed(scene, self.placements()));
+        let moved = (!self.is_as_in_file()).then(|| placed(scene, self));
         let scene = moved.as_ref().unwrap_or(scene);
         let mut units: Vec<BaseUnit> = Vec::new();
         for (base, look) in scene.units.iter().zip(self.base_units()) {
@@ -91,7 +91,7 @@ impl EditState {
                 }
                 let given = self.units.get(&part.color).and_then(|unit| unit.color);
                 let color = given.or_else(|| base.tint(look.palette));
-                let named = self.units.get(&part.name).map_or(&base.name, |unit| &unit.name);
+                let named = self.units.get(&part.name).map_or(&look.name, |unit| &unit.name);
                 let gaussians = painted(base.gaussians.rows(&rows), base.shading, look.palette, color);
                 let palette = color.unwrap_or(look.palette);
                 let (gaussians, palette) = toned(gaussians, base.shading, palette, part.tone());

@@ -140,7 +140,7 @@ impl Editor {
 
     /// Replays a stored command.
     pub fn replay(&mut self, event: &Event, inverse: &[ChangeMessage], step: HistoryMove) -> Result<(), ReplicaError> {
-        let entry = stored_entry(event, inverse, self.state.count())?;
+        let entry = stored_entry(event, inverse)?;
         self.state.apply_event(event)?;
         self.next_unit = next_unit(self.next_unit, &entry.forward);
         self.history.step(step, || entry);
@@ -222,6 +222,7 @@ impl Editor {
             Action::TransformGaussians(a) => transaction.transform_gaussians(a)?,
             Action::MergeUnits(a) => transaction.merge_units(a)?,
             Action::SetTone(a) => transaction.set_tone(a)?,
+            Action::DuplicateGaussians(a) => transaction.duplicate_gaussians(a)?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
@@ -273,7 +274,7 @@ fn snapshot_bytes(state: &EditState) -> usize {
     let mask = state.count().div_ceil(8) + 64;
     let names: usize = state.names().map(|(name, _)| name.len() + 128).sum();
     let deleted = usize::from(!state.deleted.is_none()) + state.units().filter(|u| u.deleted.is_some()).count();
-    mask * (state.units.len() + deleted + state.placements.len())
+    mask * (state.units.len() + deleted + state.placements.len() + state.duplicates.len())
         + 64
         + state.selection.bytes()
         + names
@@ -295,12 +296,12 @@ pub fn check_id(id: &str) -> Result<(), EditError> {
 }
 
 /// A history entry from the stored form of a command.
-pub fn stored_entry(event: &Event, inverse: &[ChangeMessage], count: usize) -> Result<Entry, ReplicaError> {
+pub fn stored_entry(event: &Event, inverse: &[ChangeMessage]) -> Result<Entry, ReplicaError> {
     let revision = event.revision;
     let decoded = |changes: &[ChangeMessage]| {
         changes
             .iter()
-            .map(|c| decode_change(c, count).map_err(|source| ReplicaError::Message { revision, source }))
+            .map(|c| decode_change(c).map_err(|source| ReplicaError::Message { revision, source }))
             .collect::<Result<Vec<_>, _>>()
     };
     Ok(Entry { revision, label: event.summary.clone(), forward: decoded(&event.changes)?, backward: decoded(inverse)? })

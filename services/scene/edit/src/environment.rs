@@ -133,11 +133,13 @@ impl Transaction<'_> {
     }
 
     /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
-    /// Gaussians stay deleted, moved ones stay where they are, and locked units keep their look.
+    /// Gaussians stay deleted, moved ones stay where they are, copies stay, and locked units keep their look.
     pub(super) fn reset(&mut self) -> String {
-        for (base, initial) in self.state.base.iter_mut().zip(&self.initial.base) {
-            if !base.locked {
-                *base = BaseUnitState { deleted: base.deleted, ..initial.clone() };
+        for i in 0..self.state.base.len() {
+            let initial = self.initial.base.get(self.state.file_unit(i)).cloned();
+            if let (Some(base), Some(initial)) = (self.state.base.get_mut(i).filter(|base| !base.locked), initial) {
+                let BaseUnitState { name, first, count, deleted, duplicated, .. } = base.clone();
+                *base = BaseUnitState { name, first, count, deleted, duplicated, ..initial };
             }
         }
         self.state.units.retain(|_, unit| !unit.derived || unit.locked);

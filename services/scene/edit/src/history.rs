@@ -29,6 +29,7 @@ impl Entry {
         let of = |change: &Change| match change {
             Change::Unit(unit) => unit.mask.len().div_ceil(8) * (1 + usize::from(unit.deleted.is_some())),
             Change::DeletedGaussians(mask) => mask.len().div_ceil(8),
+            Change::Duplicates(parts) => parts.iter().map(|part| part.originals().len().div_ceil(8)).sum(),
             Change::Placements(parts) => parts.iter().map(|part| part.members.len().div_ceil(8)).sum(),
             Change::Selection(selection) => selection.bytes(),
             _ => 0,

@@ -37,6 +37,7 @@ mod appearance;
 mod command_number;
 mod deletion;
 mod derived;
+mod duplicates;
 mod edited;
 mod editor;
 mod environment;
@@ -61,6 +62,7 @@ mod transformation;
 mod visibility;
 pub mod wire;
 
+pub use duplicates::Duplicate;
 pub use edited::Part;
 pub use editor::{Applied, Editor};
 pub use error::EditError;

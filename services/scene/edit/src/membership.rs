@@ -167,18 +167,25 @@ impl Transaction<'_> {
 
     /// Renames a unit; a derived one that is given a name is saved by that.
     pub(super) fn rename_unit(&mut self, command: &RenameUnit) -> Result<String, EditError> {
-        let (id, name) = self.editable(&command.name, "renamed", "name it in the scene file")?;
+        let (unit, name) = self.renamable(&command.name)?;
         let new = checked_name(&command.new_name, "rename_unit.new_name")?;
-        match self.state.is_taken(&new, Some(UnitRef::Editable(id))) {
+        match self.state.is_taken(&new, Some(unit)) {
             Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
                 self.yield_name(&new);
             }
             Some(_) => return Err(EditError::NameTaken(new)),
             None => {}
         }
-        if let Some(unit) = self.state.units.get_mut(&id) {
-            unit.name.clone_from(&new);
-            unit.derived = false;
+        match unit {
+            UnitRef::Base(i) => {
+                if let Some(base) = self.state.base.get_mut(i) {
+                    base.name.clone_from(&new);
+                }
+            }
+            UnitRef::Editable(id) => self.with_unit(id, |unit| {
+                unit.name.clone_from(&new);
+                unit.derived = false;
+            }),
         }
         self.focus_on(vec![new.clone()]);
         Ok(format!("renamed {name} to {new}"))
@@ -190,6 +197,21 @@ impl Transaction<'_> {
         let free = self.state.free_name(&format!("{name} (unsaved)"));
         if let Some(unit) = self.state.units.get_mut(&id) {
             unit.name = free;
+        }
+    }
+
+    /// A unit of which the name is not the file's own: an editable one, or a base unit of copies.
+    fn renamable(&self, name: &str) -> Result<(UnitRef, String), EditError> {
+        let unit = self.state.find(name)?;
+        match unit {
+            UnitRef::Base(i) if self.state.base.get(i).is_some_and(|base| base.duplicated) => {
+                self.refuse_locked_units(&[unit])?;
+                Ok((unit, self.state.name_of(unit).unwrap_or_default().to_owned()))
+            }
+            _ => {
+                let (id, name) = self.editable(name, "renamed", "name it in the scene file")?;
+                Ok((UnitRef::Editable(id), name))
+            }
         }
     }
 

@@ -53,11 +53,7 @@ impl EditState {
 
     /// A name that no unit has: `stem` itself, or the first of `stem 2`, `stem 3`, … that is free.
     pub(super) fn free_name(&self, stem: &str) -> String {
-        let stem = shortened(stem);
-        std::iter::once(stem.clone())
-            .chain((2_u32..).map(|n| format!("{stem} {n}")))
-            .find(|name| self.is_taken(name, None).is_none())
-            .unwrap_or(stem)
+        first_name(stem, |name| self.is_taken(name, None).is_none())
     }
 
     fn near(&self, folded: &str) -> Vec<String> {
@@ -72,6 +68,15 @@ impl EditState {
         }
         near.into_iter().take(3).map(|(_, n)| n.to_owned()).collect()
     }
+}
+
+/// The first of `stem`, `stem 2`, `stem 3`, … that is free.
+pub(super) fn first_name(stem: &str, is_free: impl Fn(&str) -> bool) -> String {
+    let stem = shortened(stem);
+    std::iter::once(stem.clone())
+        .chain((2_u32..).map(|n| format!("{stem} {n}")))
+        .find(|name| is_free(name))
+        .unwrap_or(stem)
 }
 
 /// A name that a person gives, without surrounding white space.

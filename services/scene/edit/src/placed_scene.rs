@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use sg_scene::model::Scene;
 
-use super::placement::{Placement, placed, same};
+use super::duplicates::{self, Duplicate};
+use super::placement::{self, Placement, placed};
 use super::state::EditState;
 
 impl EditState {
@@ -14,10 +15,21 @@ impl EditState {
         &self.placements
     }
 
-    /// Whether Gaussians are at the same places in both states of a scene.
+    /// Whether both states of a scene have the same Gaussians, at the same places.
     #[must_use]
     pub fn is_placed_as(&self, other: &Self) -> bool {
-        same(&self.placements, &other.placements)
+        self.has_gaussians_of(other) && placement::same(&self.placements, &other.placements)
+    }
+
+    /// Whether both states of a scene have the same Gaussians: the file's and the same copies.
+    #[must_use]
+    pub fn has_gaussians_of(&self, other: &Self) -> bool {
+        duplicates::same(&self.duplicates, &other.duplicates)
+    }
+
+    /// Whether the scene of this state is that of its file.
+    pub(crate) fn is_as_in_file(&self) -> bool {
+        self.duplicates.is_empty() && self.placements.is_empty()
     }
 
     /// Number of Gaussians that are not where the file has them.
@@ -27,14 +39,26 @@ impl EditState {
     }
 }
 
-/// Memory of the newest scene and its placements.
-type Newest = Mutex<Option<(Arc<[Placement]>, Arc<Scene>)>>;
+/// The newest scene with its copies and placements.
+#[derive(Debug)]
+struct Newest {
+    duplicates: Arc<[Duplicate]>,
+    placements: Arc<[Placement]>,
+    scene: Arc<Scene>,
+}
 
-/// The Gaussians of a file where edits put them. A clone shares the memory of the newest scene.
+impl Newest {
+    fn of(state: &EditState, scene: &Arc<Scene>) -> Self {
+        let (duplicates, placements) = (Arc::clone(state.duplicates()), Arc::clone(state.placements()));
+        Self { duplicates, placements, scene: Arc::clone(scene) }
+    }
+}
+
+/// The Gaussians of a file where edits put them, with the copies that edits added. A clone shares the memory of the newest scene.
 #[derive(Debug, Clone)]
 pub struct PlacedScene {
     file: Arc<Scene>,
-    newest: Arc<Newest>,
+    newest: Arc<Mutex<Option<Newest>>>,
 }
 
 impl PlacedScene {
@@ -44,9 +68,9 @@ impl PlacedScene {
         Self { file, newest: Arc::default() }
     }
 
-    /// A scene that is already where the edits of `state` put it, for states with the same placements.
+    /// A scene that is already where the edits of `state` put it, for states with the same Gaussians at the same places.
     pub(crate) fn shown(scene: Arc<Scene>, state: &EditState) -> Self {
-        let newest = Some((Arc::clone(state.placements()), Arc::clone(&scene)));
+        let newest = Some(Newest::of(state, &scene));
         Self { file: scene, newest: Arc::new(Mutex::new(newest)) }
     }
 
@@ -56,22 +80,26 @@ impl PlacedScene {
         &self.file
     }
 
-    /// The scene as `state` has it. Where nothing was moved it is the file's own, without a copy. Else it is a copy of all
-    /// columns, made once for each change of the placements: it takes milliseconds for 100,000 Gaussians.
+    /// The scene as `state` has it. Where nothing was moved or copied it is the file's own. Else all columns are copied, once for
+    /// each change of places and copies: that takes milliseconds for 100,000 Gaussians.
     #[must_use]
     pub fn of(&self, state: &EditState) -> Arc<Scene> {
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        if state.placements.is_empty() {
+        if state.is_as_in_file() {
             *newest = None;
             return Arc::clone(&self.file);
         }
-        if let Some((_, scene)) = newest.as_ref().filter(|(of, _)| same(of, &state.placements)) {
+        let known = |known: &&Newest| {
+            duplicates::same(&known.duplicates, &state.duplicates)
+                && placement::same(&known.placements, &state.placements)
+        };
+        if let Some(Newest { scene, .. }) = newest.as_ref().filter(known) {
             return Arc::clone(scene);
         }
         // The former copy goes first: two would take its memory twice.
         *newest = None;
-        let scene = Arc::new(placed(&self.file, &state.placements));
-        *newest = Some((Arc::clone(&state.placements), Arc::clone(&scene)));
+        let scene = Arc::new(placed(&self.file, state));
+        *newest = Some(Newest::of(state, &scene));
         scene
     }
 }

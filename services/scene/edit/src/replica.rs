@@ -54,8 +54,7 @@ impl EditState {
         }
         let mut next = self.clone();
         for change in &event.changes {
-            let change =
-                decode_change(change, self.count()).map_err(|source| ReplicaError::Message { revision, source })?;
+            let change = decode_change(change).map_err(|source| ReplicaError::Message { revision, source })?;
             next.apply_change(change).map_err(|source| ReplicaError::StateMismatch { revision, source })?;
         }
         next.revision = revision;

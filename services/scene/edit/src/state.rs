@@ -17,6 +17,7 @@ use sg_scene::orientation::Axis;
 use sg_scene::tone::Tone;
 use sg_scene::view::View;
 
+use super::duplicates::{self, Duplicate};
 use super::placement::{self, Placement};
 
 /// A base unit as edits see it.
@@ -40,6 +41,8 @@ pub struct BaseUnitState {
     pub locked: bool,
     /// Change of its colours.
     pub tone: Tone,
+    /// Whether its Gaussians are duplicates, which are not in the file. Such a unit can be renamed.
+    pub duplicated: bool,
 }
 
 impl BaseUnitState {
@@ -139,14 +142,14 @@ pub fn mask_hash(mask: &Mask) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// The identity of the geometry of a state; it never changes.
+/// The identity of the geometry of a scene's file; it never changes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
     /// File the Gaussians are read from.
     pub path: String,
     /// BLAKE3 of the columns, hexadecimal ([`Scene::content_hash`]).
     pub hash: String,
-    /// Number of Gaussians.
+    /// Number of Gaussians in the file.
     pub count: usize,
     /// The stored box that strokes are normalized by.
     pub bounds: SceneBox,
@@ -161,6 +164,7 @@ pub struct EditState {
     pub(crate) units: BTreeMap<u64, Unit>,
     pub(crate) selection: Selection,
     pub(crate) deleted: Arc<Mask>,
+    pub(crate) duplicates: Arc<[Duplicate]>,
     pub(crate) placements: Arc<[Placement]>,
     pub(crate) light: Light,
     pub(crate) background: Vec3,
@@ -194,6 +198,7 @@ impl EditState {
             deleted: 0,
             locked: false,
             tone: Tone::NEUTRAL,
+            duplicated: false,
         });
         let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
         Self {
@@ -202,6 +207,7 @@ impl EditState {
             units: BTreeMap::new(),
             selection: Selection::new(Arc::new(Mask::empty(scene.len())), Arc::new([])),
             deleted: Arc::new(Mask::empty(scene.len())),
+            duplicates: Arc::new([]),
             placements: Arc::new([]),
             light: look.light,
             background: look.background,
@@ -232,10 +238,10 @@ impl EditState {
         &self.geometry
     }
 
-    /// Number of Gaussians of the geometry, deleted ones too: the length of every mask.
+    /// Number of Gaussians of the file and of copies, deleted ones too: the length of every mask.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.geometry.count
+        self.duplicates.last().map_or(self.geometry.count, |last| last.range().end)
     }
 
     /// Base units in scene order.
@@ -370,6 +376,8 @@ pub enum Change {
     Selection(Selection),
     /// All deleted Gaussians.
     DeletedGaussians(Arc<Mask>),
+    /// All Gaussians that are not in the file. It comes before changes with masks of the new length.
+    Duplicates(Arc<[Duplicate]>),
     /// All Gaussians that are not where the file has them.
     Placements(Arc<[Placement]>),
     /// The light.
@@ -392,6 +400,9 @@ pub enum StateMismatch {
     /// The base unit is not one of this scene.
     #[error("the scene has no base unit `{0}` with these Gaussians")]
     Base(String),
+    /// Copies are of no Gaussian, or of Gaussians of several base units.
+    #[error("a base unit of duplicates needs originals of one base unit")]
+    Originals,
     /// The length of a mask is not the number of Gaussians.
     #[error("a mask of {found} Gaussians does not fit a scene of {expected}")]
     Mask {
@@ -405,13 +416,17 @@ pub enum StateMismatch {
 impl EditState {
     /// Applies one change.
     pub(crate) fn apply_change(&mut self, change: Change) -> Result<(), StateMismatch> {
+        let expected = self.count();
         let fits = |mask: &Mask| {
-            let (found, expected) = (mask.len(), self.geometry.count);
+            let found = mask.len();
             if found == expected { Ok(()) } else { Err(StateMismatch::Mask { found, expected }) }
         };
         match change {
             Change::Base(look) => {
-                let same = |b: &&mut BaseUnitState| b.name == look.name && b.range() == look.range();
+                let same = |b: &&mut BaseUnitState| {
+                    let is_named_so = b.duplicated || b.name == look.name;
+                    b.range() == look.range() && b.duplicated == look.duplicated && is_named_so
+                };
                 match self.base.iter_mut().find(same) {
                     Some(base) => *base = look,
                     None => return Err(StateMismatch::Base(look.name)),
@@ -433,6 +448,7 @@ impl EditState {
                 fits(&deleted)?;
                 self.deleted = deleted;
             }
+            Change::Duplicates(duplicates) => self.set_duplicates(duplicates)?,
             Change::Placements(placements) => {
                 placements.iter().try_for_each(|part| fits(&part.members))?;
                 self.placements = placements;
@@ -456,6 +472,18 @@ impl EditState {
     /// The values of `after` that differ. [`Self::apply_change`] of each turns this state into `after`.
     pub(crate) fn changes_to(&self, after: &Self) -> Vec<Change> {
         let mut changes = Vec::new();
+        if !duplicates::same(&self.duplicates, &after.duplicates) {
+            let mut resized = self.clone();
+            // Copies of a valid state fit every state of the same file.
+            if resized.set_duplicates(Arc::clone(&after.duplicates)).is_ok() {
+                changes.push(Change::Duplicates(Arc::clone(&after.duplicates)));
+                // Readers tell a newer selection by its change.
+                changes.push(Change::Selection(after.selection.clone()));
+                resized.selection = after.selection.clone();
+                changes.extend(resized.changes_to(after));
+                return changes;
+            }
+        }
         let gone = self.units.keys().filter(|id| !after.units.contains_key(id));
         changes.extend(gone.map(|id| Change::Deleted(*id)));
         let looks = self.base.iter().zip(&after.base).filter(|(a, b)| a != b);

@@ -1,5 +1,6 @@
 //! Between the messages of the contract and the types of this library. Pure conversions; ranges are checked by edits.
 
+mod duplicate_message;
 mod placement_message;
 mod tone_message;
 
@@ -9,6 +10,7 @@ use glam::{DVec3, Vec3};
 use sg_proto::scene as proto;
 use sg_proto::scene::selection_step::Step;
 
+use self::duplicate_message::{check_duplicates, decode_duplicates, encode_duplicates};
 use self::placement_message::{decode_placements, encode_placements};
 use self::tone_message::{decode_tone, encode_tone};
 use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
@@ -59,6 +61,9 @@ pub enum WireError {
     /// A tone out of its range.
     #[error("`{0}` is no tone: saturation and brightness are 0 to 4, the temperature is -1 to 1")]
     Tone(&'static str),
+    /// Copies that do not follow the Gaussians before them, or that the base units do not have.
+    #[error("`{0}`: copies form the last base units, each of Gaussians of one base unit before it")]
+    Duplicates(&'static str),
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
@@ -77,6 +82,7 @@ impl WireError {
             Self::Missing(field)
             | Self::Similarity(field)
             | Self::Tone(field)
+            | Self::Duplicates(field)
             | Self::Kind { field, .. }
             | Self::Length { field, .. }
             | Self::Bits { field, .. }
@@ -285,6 +291,7 @@ fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
         deleted: base.deleted as u64,
         locked: base.locked,
         tone: encode_tone(base.tone),
+        duplicated: base.duplicated,
     }
 }
 
@@ -299,6 +306,7 @@ fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
         deleted: count(base.deleted, "base_unit.deleted")?,
         locked: base.locked,
         tone: decode_tone(base.tone.as_ref(), "base_unit.tone")?,
+        duplicated: base.duplicated,
     })
 }
 
@@ -318,13 +326,13 @@ fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
     }
 }
 
-fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
+fn decode_unit(unit: &proto::Unit) -> Result<Unit, WireError> {
     let mask = unit.mask.as_ref().ok_or(WireError::Missing("unit.mask"))?;
     Ok(Unit {
         id: unit.id,
         name: unit.name.clone(),
-        mask: Arc::new(decode_mask(mask, expected, "unit.mask")?),
-        deleted: decode_optional(unit.deleted.as_ref(), expected, "unit.deleted")?,
+        mask: Arc::new(decode_any_mask(mask, "unit.mask")?),
+        deleted: decode_optional(unit.deleted.as_ref(), "unit.deleted")?,
         locked: unit.locked,
         tone: decode_tone(unit.tone.as_ref(), "unit.tone")?,
         color: unit.color.as_ref().map(decode_color),
@@ -334,13 +342,20 @@ fn decode_unit(unit: &proto::Unit, expected: usize) -> Result<Unit, WireError> {
     })
 }
 
+/// A mask over as many Gaussians as it says, from a message. Its reader compares its length with the scene.
+fn decode_any_mask(mask: &proto::Mask, field: &'static str) -> Result<Mask, WireError> {
+    decode_mask(mask, count(mask.length, field)?, field)
+}
+
 /// A mask that is absent where it would be empty.
-fn decode_optional(
-    mask: Option<&proto::Mask>,
-    expected: usize,
-    field: &'static str,
-) -> Result<Option<Arc<Mask>>, WireError> {
-    mask.map(|mask| decode_mask(mask, expected, field).map(Arc::new)).transpose()
+fn decode_optional(mask: Option<&proto::Mask>, field: &'static str) -> Result<Option<Arc<Mask>>, WireError> {
+    mask.map(|mask| decode_any_mask(mask, field).map(Arc::new)).transpose()
+}
+
+/// Refuses a mask of another length.
+fn check_length(mask: &Mask, expected: usize, field: &'static str) -> Result<(), WireError> {
+    let found = mask.len() as u64;
+    if found == expected as u64 { Ok(()) } else { Err(WireError::Length { field, found, expected }) }
 }
 
 fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection {
@@ -357,9 +372,9 @@ fn encode_selection(selection: &Selection, with_mask: bool) -> proto::Selection 
     }
 }
 
-fn decode_selection(selection: &proto::Selection, expected: usize) -> Result<Selection, WireError> {
+fn decode_selection(selection: &proto::Selection) -> Result<Selection, WireError> {
     let mask = selection.mask.as_ref().ok_or(WireError::Missing("selection.mask"))?;
-    let mask = decode_mask(mask, expected, "selection.mask")?;
+    let mask = decode_any_mask(mask, "selection.mask")?;
     Ok(Selection::new(Arc::new(mask), steps_of(&selection.strokes, &selection.steps).into()))
 }
 
@@ -390,6 +405,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Deleted(id) => Item::DeletedUnit(*id),
         Change::Selection(selection) => Item::Selection(encode_selection(selection, true)),
         Change::DeletedGaussians(mask) => Item::DeletedGaussians(encode_mask(mask)),
+        Change::Duplicates(parts) => Item::Duplicates(encode_duplicates(parts)),
         Change::Placements(parts) => Item::Placements(encode_placements(parts)),
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
@@ -401,21 +417,22 @@ pub fn encode_change(change: &Change) -> proto::Change {
     proto::Change { item: Some(item) }
 }
 
-/// A change to a scene of `expected` Gaussians from a message.
+/// A change from a message. [`EditState`] compares the lengths of its masks with the scene when it applies the change.
 ///
 /// # Errors
 /// [`WireError`].
-pub fn decode_change(change: &proto::Change, expected: usize) -> Result<Change, WireError> {
+pub fn decode_change(change: &proto::Change) -> Result<Change, WireError> {
     use proto::change::Item;
     Ok(match change.item.as_ref().ok_or(WireError::Missing("change.item"))? {
         Item::BaseUnit(base) => Change::Base(decode_base(base)?),
-        Item::Unit(unit) => Change::Unit(decode_unit(unit, expected)?),
+        Item::Unit(unit) => Change::Unit(decode_unit(unit)?),
         Item::DeletedUnit(id) => Change::Deleted(*id),
-        Item::Selection(selection) => Change::Selection(decode_selection(selection, expected)?),
+        Item::Selection(selection) => Change::Selection(decode_selection(selection)?),
         Item::DeletedGaussians(mask) => {
-            Change::DeletedGaussians(Arc::new(decode_mask(mask, expected, "change.deleted_gaussians")?))
+            Change::DeletedGaussians(Arc::new(decode_any_mask(mask, "change.deleted_gaussians")?))
         }
-        Item::Placements(parts) => Change::Placements(decode_placements(parts, expected)?),
+        Item::Duplicates(parts) => Change::Duplicates(decode_duplicates(parts)?),
+        Item::Placements(parts) => Change::Placements(decode_placements(parts)?),
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
@@ -435,7 +452,7 @@ impl EditState {
             revision: self.revision,
             scene_path: self.geometry.path.clone(),
             scene_hash: self.geometry.hash.clone(),
-            count: self.geometry.count as u64,
+            count: self.count() as u64,
             r#box: Some(proto::Box { min: Some(encode_vector(bounds.min)), max: Some(encode_vector(bounds.max)) }),
             base_units: self.base.iter().map(encode_base).collect(),
             units: self.units.values().map(|u| encode_unit(u, with_masks)).collect(),
@@ -450,6 +467,7 @@ impl EditState {
             redo: Vec::new(),
             deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
             placements: (with_masks && !self.placements.is_empty()).then(|| encode_placements(&self.placements)),
+            duplicates: (with_masks && !self.duplicates.is_empty()).then(|| encode_duplicates(&self.duplicates)),
             // Only the owner has it.
             project_path: String::new(),
         }
@@ -464,30 +482,43 @@ impl EditState {
         let bounds = state.r#box.as_ref().ok_or(WireError::Missing("state.box"))?;
         let corner =
             |vector: &Option<proto::Vector>| vector.as_ref().map(decode_vector).ok_or(WireError::Missing("state.box"));
+        let duplicates = decode_duplicates(&state.duplicates.clone().unwrap_or_default())?;
+        let base: Vec<_> = state.base_units.iter().map(decode_base).collect::<Result<_, _>>()?;
+        check_duplicates(&duplicates, &base, expected)?;
         let geometry = Geometry {
             path: state.scene_path.clone(),
             hash: state.scene_hash.clone(),
-            count: expected,
+            count: duplicates.first().map_or(expected, |first| first.originals().len()),
             bounds: SceneBox { min: corner(&bounds.min)?, max: corner(&bounds.max)? },
         };
-        let units = state.units.iter().map(|u| Ok((u.id, decode_unit(u, expected)?)));
+        let units = state.units.iter().map(|u| Ok((u.id, decode_unit(u)?)));
         let selection = state.selection.as_ref().ok_or(WireError::Missing("state.selection"))?;
-        Ok(Self {
+        let decoded = Self {
             revision: state.revision,
             geometry: Arc::new(geometry),
-            base: state.base_units.iter().map(decode_base).collect::<Result<_, _>>()?,
+            base,
             units: units.collect::<Result<_, _>>()?,
-            selection: decode_selection(selection, expected)?,
-            deleted: decode_optional(state.deleted.as_ref(), expected, "state.deleted")?
+            selection: decode_selection(selection)?,
+            deleted: decode_optional(state.deleted.as_ref(), "state.deleted")?
                 .unwrap_or_else(|| Arc::new(Mask::empty(expected))),
-            placements: decode_placements(&state.placements.clone().unwrap_or_default(), expected)?,
+            duplicates,
+            placements: decode_placements(&state.placements.clone().unwrap_or_default())?,
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,
             term: decode_term(state.term)?,
             up: decode_axis(state.up)?,
             focus: state.focus.clone(),
-        })
+        };
+        for unit in decoded.units() {
+            check_length(&unit.mask, expected, "unit.mask")?;
+            unit.deleted.as_deref().map_or(Ok(()), |deleted| check_length(deleted, expected, "unit.deleted"))?;
+        }
+        check_length(decoded.selection.mask(), expected, "selection.mask")?;
+        check_length(&decoded.deleted, expected, "state.deleted")?;
+        let mut placed = decoded.placements.iter().map(|part| &part.members);
+        placed.try_for_each(|members| check_length(members, expected, "placements.mask"))?;
+        Ok(decoded)
     }
 }
 

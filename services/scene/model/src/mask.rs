@@ -46,6 +46,16 @@ impl Mask {
         mask
     }
 
+    /// The same mask over `len` Gaussians: those that are new are not selected.
+    #[must_use]
+    pub fn resized(&self, len: usize) -> Self {
+        let mut words = self.words.clone();
+        words.resize(len.div_ceil(64), 0);
+        let mut mask = Self { len, words };
+        mask.clear_tail();
+        mask
+    }
+
     /// Number of Gaussians it covers, selected or not.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -219,6 +229,14 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn a_resized_mask_keeps_what_it_can_and_selects_nothing_else(
+            bits in proptest::collection::vec(any::<bool>(), 0..300), len in 0_usize..300,
+        ) {
+            let mask = Mask::from_fn(bits.len(), |i| bits[i]);
+            prop_assert_eq!(mask.resized(len), Mask::from_fn(len, |i| bits.get(i) == Some(&true)));
+        }
+
         #[test]
         fn bytes_round_trip(bits in proptest::collection::vec(any::<bool>(), 0..300)) {
             let mask = Mask::from_fn(bits.len(), |i| bits[i]);

@@ -185,7 +185,7 @@ impl Journal {
             schema::migrate(&mut self.connection, &self.path, newest.revision, &reached)?;
         }
         self.checkpoint = newest.revision;
-        let history = History::restored(self.entries(&undo, opened)?, self.entries(&redo, opened)?);
+        let history = History::restored(self.entries(&undo)?, self.entries(&redo)?);
         let mut editor = Editor::restored(scene, initial, state, history, newest.next_unit);
         self.replay(&mut editor)?;
         self.note_scene_path(&opened.geometry().path)?;
@@ -343,14 +343,14 @@ impl Journal {
         row.map(|row| row.values(&self.path).map(|(event, _)| event)).transpose()
     }
 
-    fn entries(&self, revisions: &[u64], opened: &EditState) -> Result<Vec<Entry>, JournalError> {
+    fn entries(&self, revisions: &[u64]) -> Result<Vec<Entry>, JournalError> {
         let missing = |revision| self.damaged(format!("revision {revision} is missing"));
         revisions
             .iter()
             .map(|&revision| {
                 let row = self.row("WHERE revision = ?1", [signed(revision)])?.ok_or_else(|| missing(revision))?;
                 let (event, inverse) = row.values(&self.path)?;
-                stored_entry(&event, &inverse.changes, opened.count()).map_err(|e| self.damaged(e.to_string()))
+                stored_entry(&event, &inverse.changes).map_err(|e| self.damaged(e.to_string()))
             })
             .collect()
     }

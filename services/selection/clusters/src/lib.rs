@@ -35,6 +35,7 @@ pub mod cache;
 pub mod cluster_graph;
 pub mod clustering;
 pub mod creases;
+pub mod duplicates;
 pub mod euclidean;
 pub mod features;
 pub mod geometry;

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 use sg_clusters::cache::ClusterCache;
 use sg_edit::wire::{encode_mask, steps_of, strokes_alone};
 use sg_edit::{EditState, Replica};
-use sg_formats::npy;
 use sg_input::number_format::grouped;
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
@@ -34,10 +33,12 @@ use tokio::sync::oneshot;
 use crate::wire;
 
 mod answers;
+mod labels;
 mod prepared;
 mod trials;
 
-use answers::publish_revisions;
+use answers::{Newest, publish_revisions};
+use labels::PublishedLabels;
 use prepared::{Params, Places, prepare};
 use trials::OpenStroke;
 
@@ -72,19 +73,16 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         "clustered"
     );
 
-    let labels_path = host.blobs().folder().join("labels.npy");
-    let (labels_hash, _) = npy::write_labels(&labels_path, prepared.places.labels())
-        .map_err(|e| e.to_string())
-        .and_then(|()| host.blobs().offer(&labels_path).map_err(|e| e.to_string()))
-        .map_err(StartError::Failed)?;
+    let labels = PublishedLabels::publish(host.blobs().clone(), &state, prepared.places.labels());
+    let labels = labels.map_err(StartError::Failed)?;
     let mut state_message = selection::State {
         revision: state.revision(),
         scene_hash: state.geometry().hash.clone(),
         clusters: u32::try_from(index.clusters()).unwrap_or(u32::MAX),
         clustering_ms: prepared.clustering_ms,
         from_cache: prepared.from_cache,
-        labels_hash,
-        labels_path: labels_path.display().to_string(),
+        labels_hash: labels.hash().to_owned(),
+        labels_path: labels.path().display().to_string(),
         tuning: Some(wire::encode_tuning(SelectionSession::new(Arc::clone(&index)).tuning())),
         most_proposals: sg_proto::limits::MAX_PROPOSALS,
         answers: None,
@@ -95,13 +93,14 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         session: SelectionSession::new(Arc::clone(&index)),
         indexed: (Arc::clone(&index), index),
         places: prepared.places,
+        labels,
         scene,
         open: None,
         answered: 0,
         last_walk_ms: 0.0,
     };
     // After a restart the first state has the answers to what the scene has kept.
-    (state_message.revision, state_message.answers) = tokio::task::block_in_place(|| selector.newest_answers());
+    tokio::task::block_in_place(|| selector.newest_answers()).put_into(&mut state_message);
     host.serve_content(&keys::SELECTION_CONTENT).await?;
     let owned = host.bus().retain(&keys::SELECTION_STATE, state_message.clone()).await?;
     let (mailbox, _) = host.spawn(selector, QUEUE);
@@ -130,8 +129,8 @@ enum Message {
     Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
     /// Proposes places for the next stroke.
     Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
-    /// Asks for the newest revision, and the answers to the walk strokes of its selection.
-    Answers { reply: oneshot::Sender<(u64, Option<selection::Answers>)> },
+    /// Asks for the newest revision, with its labels and the answers to the walk strokes of its selection.
+    Answers { reply: oneshot::Sender<Newest> },
 }
 
 /// What a request asks for.
@@ -148,6 +147,8 @@ struct Selector {
     bus: Bus,
     /// The index of the scene wherever edits put its Gaussians.
     places: Places,
+    /// The cluster of each Gaussian, for other processes.
+    labels: PublishedLabels,
     /// The newest index of the whole scene, and the same one without Gaussians that cannot be selected.
     indexed: (Arc<SelectionIndex>, Arc<SelectionIndex>),
     session: SelectionSession,
@@ -221,7 +222,7 @@ impl Selector {
         request: &selection::StrokesRequest,
         context: &Context,
     ) -> Result<selection::StrokesReply, Fault> {
-        let gaussians = self.session.mask().len();
+        let gaussians = self.local_state().count();
         let steps = steps_of(&request.strokes, &[]).into_iter().chain(request.steps.iter().cloned());
         let steps: Vec<Step> = steps.map(|step| wire::decode(&step, gaussians)).collect::<Result<_, _>>()?;
         let answer = wire::decode_answer(request.answer)?;
@@ -300,7 +301,7 @@ impl Selector {
 
     /// The session of the scene's selection, rebuilt if another client changed it.
     fn present(&mut self, state: &EditState) -> Result<SelectionSession, Fault> {
-        let gaussians = self.session.mask().len();
+        let gaussians = state.count();
         let selection = state.selection();
         let decoded = selection.steps().iter().map(|step| wire::decode(step, gaussians));
         let mut steps: Vec<Step> = decoded.collect::<Result<_, _>>()?;

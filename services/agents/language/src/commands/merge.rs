@@ -9,9 +9,9 @@ use winnow::combinator::opt;
 use winnow::error::EmptyError;
 
 use super::command::{Command, Construct, Context, Effect, Field};
-use super::naming::name;
+use super::naming::{name, named};
 use crate::resolution::{Refusal, Step, checked_name, is_base_unit, target_of};
-use crate::syntax::phrase::{Input, Outcome, end, exactly, one_of};
+use crate::syntax::phrase::{Input, Outcome, exactly};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::{Target, target_then};
 use crate::unit_names::{self, Lookup};
@@ -64,14 +64,6 @@ fn merge(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     reference.complement |= more.complement;
     let reading = Reading::of(Act::Merge, Target { reference, unknown });
     Ok(reading.map(|c| c.name = new.clone().unwrap_or_default()))
-}
-
-/// Parses "as aneurysm", "under the name aneurysm", or nothing.
-fn named(input: &mut Input<'_>) -> Outcome<Option<String>> {
-    let new =
-        opt((one_of("as | under the name | and call it | and name it | named | called"), name)).parse_next(input)?;
-    end(input)?;
-    Ok(new.map(|(_, name)| name))
 }
 
 fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {

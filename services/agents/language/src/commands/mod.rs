@@ -7,6 +7,7 @@ mod background;
 mod color;
 pub(crate) mod command;
 mod delete;
+mod duplicate;
 mod files;
 mod frame;
 pub(crate) mod help;

@@ -10,7 +10,7 @@ use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
 use super::command::{Command, Construct, Context, Effect, Field};
-use crate::resolution::{Refusal, Step, checked_name, editable_unit, is_base_unit, need_selection, unit};
+use crate::resolution::{Refusal, Step, checked_name, is_base_unit, need_selection, renamable_unit, unit};
 use crate::syntax::phrase::{
     Input, Outcome, THE_SELECTION, UNIT_NOUN, advance, article, end, exactly, items, one_of, peek_at, remaining, skip,
     slice,
@@ -151,6 +151,14 @@ fn name_only(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     Ok(label_reading(&name(input)?))
 }
 
+/// Parses "as aneurysm", "under the name aneurysm", or nothing.
+pub(super) fn named(input: &mut Input<'_>) -> Outcome<Option<String>> {
+    let new =
+        opt((one_of("as | under the name | and call it | and name it | named | called"), name)).parse_next(input)?;
+    end(input)?;
+    Ok(new.map(|(_, name)| name))
+}
+
 /// Succeeds for one unit, by name or as "it".
 fn one_unit(target: &Target) -> Outcome<()> {
     let reference = &target.reference;
@@ -224,7 +232,7 @@ fn resolve_label(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal
 }
 
 fn resolve_rename(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
-    let name = editable_unit(clause, context.state, "rename")?;
+    let name = renamable_unit(clause, context.state)?;
     let new_name = checked_name(clause)?;
     if let Lookup::Unique(other) = unit_names::lookup(&new_name, &unit_names::addressable(context.state))
         && other != name

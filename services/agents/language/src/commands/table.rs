@@ -7,8 +7,8 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    answers, background, color, delete, files, frame, help as help_command, history, light, lock, merge, movement,
-    naming, opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
+    answers, background, color, delete, duplicate, files, frame, help as help_command, history, light, lock, merge,
+    movement, naming, opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -35,6 +35,7 @@ pub(crate) const TABLE: &[Command] = &[
     naming::LABEL,
     naming::RENAME,
     merge::MERGE,
+    duplicate::DUPLICATE,
     delete::DELETE_GAUSSIANS,
     delete::RESTORE_GAUSSIANS,
     delete::REMOVE_NAME,

@@ -2,6 +2,7 @@
 
 mod commands;
 mod deletion;
+mod duplicates;
 mod edited;
 mod lock;
 mod merge;
@@ -14,8 +15,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Color, Command, CommitSelection, DeleteGaussians, RestoreGaussians, SaveUnit, SetColor, SetLock, SetOpacity,
-    SetVisibility, ShowOnly, Target, TransformGaussians, Vector,
+    Color, Command, CommitSelection, DeleteGaussians, DuplicateGaussians, RestoreGaussians, SaveUnit, SetColor,
+    SetLock, SetOpacity, SetVisibility, ShowOnly, Target, TransformGaussians, Vector,
 };
 
 use super::wire::encode_mask;
@@ -85,6 +86,10 @@ fn delete(target: Target) -> Action {
 
 fn restore() -> Action {
     Action::RestoreGaussians(RestoreGaussians {})
+}
+
+fn duplicate(target: Target, name: &str) -> Action {
+    Action::DuplicateGaussians(DuplicateGaussians { target: Some(target), name: name.to_owned() })
 }
 
 fn lock(target: Target, locked: bool) -> Action {

@@ -48,6 +48,8 @@ fn action() -> impl Strategy<Value = Action> {
         3 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => on().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        2 => (target(), prop_oneof![3 => Just(String::new()), 1 => name()])
+            .prop_map(|(target, name)| duplicate(target, &name)),
         2 => (on(), prop::array::uniform3(-2.0..2.0_f64), -90.0..90.0_f64, prop::option::of(0.5..2.0_f64), prop::bool::weighted(0.2))
             .prop_map(|(target, by, degrees, factor, restore)| moving(target, by, degrees, factor, restore)),
         1 => (on(), prop::bool::weighted(0.3)).prop_map(|(target, locked)| Action::SetLock(SetLock { target, locked })),
@@ -94,6 +96,19 @@ fn moving(target: Option<Target>, by: [f64; 3], degrees: f64, factor: Option<f64
     })
 }
 
+/// The action with a mask over `count` Gaussians.
+fn over(count: usize, action: Action) -> Action {
+    match action {
+        Action::CommitSelection(commit) => {
+            let mask = commit.mask.map(|mask| Mask::from_bytes(60, &mask.bits).unwrap());
+            // Later Gaussians are as the first ones.
+            let grown = |mask: Mask| encode_mask(&Mask::from_fn(count, |i| mask.get(i % 60)));
+            Action::CommitSelection(CommitSelection { mask: mask.map(grown), ..commit })
+        }
+        action => action,
+    }
+}
+
 /// Where the edits of a state put Gaussian `i` in relation to its place in the file.
 fn map_of(state: &EditState, i: usize) -> Similarity {
     let of = |part: &crate::Placement| part.members.get(i).then_some(part.map);
@@ -114,7 +129,7 @@ fn members(state: &EditState, target: &Target) -> Option<Mask> {
 /// The Gaussians whose look a command promises something about.
 fn existing(state: &EditState) -> impl Iterator<Item = usize> {
     let deleted = Arc::clone(state.deleted());
-    (0..60).filter(move |i| !deleted.get(*i))
+    (0..state.count()).filter(move |i| !deleted.get(*i))
 }
 
 /// Saved units that hide Gaussian `i`.
@@ -141,7 +156,7 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         }
         Action::TransformGaussians(a) => {
             let members = members(before, &a.target.clone().unwrap_or_default()).unwrap();
-            for i in 0..60 {
+            for i in 0..before.count() {
                 prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
                 let (was, is) = (map_of(before, i), map_of(after, i));
                 if !members.get(i) {
@@ -158,13 +173,28 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
             }
             prop_assert_eq!(after.selection().hash(), before.selection().hash());
         }
+        Action::DuplicateGaussians(a) => {
+            let originals: Vec<_> = members(before, &a.target.clone().unwrap_or_default()).unwrap().ones().collect();
+            prop_assert_eq!(after.count(), before.count() + originals.len());
+            for (copy, original) in (before.count()..).zip(originals) {
+                prop_assert_eq!(drawn(after, copy), drawn(before, original), "{} of {}", copy, original);
+                prop_assert_eq!(map_of(after, copy), map_of(before, original), "{} of {}", copy, original);
+                prop_assert!(after.units().all(|unit| unit.derived || !unit.mask.get(copy)));
+            }
+            for i in 0..before.count() {
+                prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
+                prop_assert_eq!(map_of(after, i), map_of(before, i), "{}", i);
+            }
+            let copies: Vec<_> = (before.count()..after.count()).collect();
+            prop_assert_eq!(after.selection().mask().ones().collect::<Vec<_>>(), copies);
+        }
         Action::SetLock(_) => {
-            for i in 0..60 {
+            for i in 0..before.count() {
                 prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
             }
         }
         Action::RestoreGaussians(_) => {
-            prop_assert!(after.deleted().is_none() && after.existing_count() == 60);
+            prop_assert!(after.deleted().is_none() && after.existing_count() == after.count());
             for i in existing(before) {
                 prop_assert_eq!(drawn(after, i), drawn(before, i), "{}", i);
             }
@@ -172,7 +202,7 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         Action::ShowOnly(a) => {
             let target = a.target.clone().unwrap_or_default();
             let members = members(before, &target).unwrap();
-            for i in 0..60 {
+            for i in 0..before.count() {
                 let want = members.get(i) && !hidden_by_saved(after, i);
                 prop_assert_eq!(drawn(after, i).visible, want, "{} in {:?}", i, target);
             }
@@ -180,7 +210,7 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         Action::SetVisibility(a) => {
             let target = a.target.clone().unwrap_or_default();
             let members = members(before, &target).unwrap();
-            for i in 0..60 {
+            for i in 0..before.count() {
                 if members.get(i) {
                     prop_assert_eq!(drawn(after, i).visible, a.visible && !hidden_by_saved(after, i), "{}", i);
                 } else if a.visible {
@@ -278,7 +308,8 @@ fn check_state(state: &EditState) -> Result<(), TestCaseError> {
     for unit in state.units() {
         prop_assert!(unit.deleted.as_ref().is_none_or(|gone| gone.is_subset_of(state.deleted())), "{}", unit.name);
     }
-    prop_assert_eq!(state.existing_count(), 60 - state.deleted().count());
+    prop_assert_eq!(state.existing_count(), state.count() - state.deleted().count());
+    prop_assert_eq!(state.base_units().last().map(|base| base.range().end), Some(state.count()));
     prop_assert!(state.deleted().ones().all(|i| !drawn(state, i).visible), "a deleted Gaussian is drawn");
     for (k, part) in state.placements().iter().enumerate() {
         prop_assert!(!part.members.is_none() && part.map != Similarity::IDENTITY);
@@ -300,6 +331,7 @@ proptest! {
         let mut twin = editor.clone();
         let mut replica = Replica::new(editor.state().clone());
         for action in actions {
+            let action = over(editor.state().count(), action);
             let before = editor.clone();
             let Ok(applied) = editor.apply(&command(action.clone())) else {
                 prop_assert_eq!(editor.message(true), before.message(true));
@@ -318,6 +350,7 @@ proptest! {
             prop_assert_eq!(replica.apply(&event), Ok(()));
             prop_assert_eq!(&**replica.state(), editor.state());
             prop_assert_eq!(&EditState::from_snapshot(&editor.message(true)).unwrap(), editor.state());
+            prop_assert_eq!(editor.scene().len(), editor.state().count());
 
             // Undo takes exactly this back, redo brings exactly this back.
             let mut other = editor.clone();

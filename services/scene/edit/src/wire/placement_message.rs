@@ -6,7 +6,7 @@ use glam::DQuat;
 use sg_proto::scene as proto;
 use sg_scene::similarity::Similarity;
 
-use super::{WireError, decode_mask, decode_vector, encode_mask, encode_vector};
+use super::{WireError, decode_any_mask, decode_vector, encode_mask, encode_vector};
 use crate::placement::Placement;
 
 pub(super) fn encode_placements(parts: &[Placement]) -> proto::Placements {
@@ -19,12 +19,12 @@ pub(super) fn encode_placements(parts: &[Placement]) -> proto::Placements {
     proto::Placements { parts: parts.iter().map(part).collect() }
 }
 
-pub(super) fn decode_placements(message: &proto::Placements, expected: usize) -> Result<Arc<[Placement]>, WireError> {
+pub(super) fn decode_placements(message: &proto::Placements) -> Result<Arc<[Placement]>, WireError> {
     const MASK: &str = "placements.mask";
     let part = |part: &proto::Placement| {
         let map = decode_similarity(part.map.as_ref().ok_or(WireError::Missing("placements.map"))?)?;
         let mask = part.mask.as_ref().ok_or(WireError::Missing(MASK))?;
-        Ok(Placement { map, members: Arc::new(decode_mask(mask, expected, MASK)?) })
+        Ok(Placement { map, members: Arc::new(decode_any_mask(mask, MASK)?) })
     };
     message.parts.iter().map(part).collect()
 }
@@ -57,12 +57,11 @@ mod tests {
         let map = Similarity::about(DVec3::ONE, DQuat::from_rotation_x(0.3), 2.0, DVec3::new(1.0, -2.0, 3.0));
         let parts = [Placement { map, members: Arc::new(Mask::from_fn(20, |i| i < 5)) }];
         let message = encode_placements(&parts);
-        assert_eq!(decode_placements(&message, 20).as_deref(), Ok(parts.as_slice()));
-        assert!(matches!(decode_placements(&message, 21), Err(WireError::Length { .. })));
+        assert_eq!(decode_placements(&message).as_deref(), Ok(parts.as_slice()));
         let spoiled = |spoil: &dyn Fn(&mut proto::Similarity)| {
             let mut message = message.clone();
             spoil(message.parts[0].map.as_mut().unwrap());
-            decode_placements(&message, 20)
+            decode_placements(&message)
         };
         let wrong = Err(WireError::Similarity("placements.map"));
         assert_eq!(spoiled(&|m| m.scale = 0.0), wrong);

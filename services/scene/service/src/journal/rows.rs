@@ -209,7 +209,7 @@ impl SnapshotRow {
     ) -> Result<(EditState, Vec<u64>, Vec<u64>), JournalError> {
         let message: State = message(path, &self.state, self.revision)?;
         let state = EditState::from_snapshot(&message).map_err(|e| damaged(path, e.to_string()))?;
-        if state.count() != opened.count() || state.revision() != self.revision {
+        if state.geometry().count != opened.geometry().count || state.revision() != self.revision {
             return Err(damaged(path, format!("the stored state of revision {} is of another scene", self.revision)));
         }
         // The scene's files may have moved since.

@@ -7,8 +7,8 @@ use sg_proto::bus::Code;
 use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    ChangesRequest, Color, Command, DeleteGaussians, Redo, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor,
-    Target, TransformGaussians, Undo, Vector,
+    ChangesRequest, Color, Command, DeleteGaussians, DuplicateGaussians, Redo, RestoreGaussians, SaveUnit, Select,
+    SetBackground, SetColor, Target, TransformGaussians, Undo, Vector,
 };
 
 use super::retention::{RECENT_CHANGES, RESULTS_KEPT};
@@ -576,4 +576,46 @@ fn a_restart_keeps_what_is_moved() {
     assert!(project.editor().state().placements().is_empty());
     project.apply(&act("five", Action::Redo(Redo { steps: 3 }))).unwrap();
     assert_eq!(project.editor().message(true).placements, moved.placements);
+}
+
+#[test]
+fn a_restart_keeps_duplicates_and_their_undo() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sgproj");
+    let mut project = open(&path);
+    let opened = project.editor().message(true);
+    let of = |name: &str| Some(Target { units: vec![name.to_owned()], ..Target::default() });
+    let duplicate = |id: &str, name: &str| {
+        act(id, Action::DuplicateGaussians(DuplicateGaussians { target: of(name), name: String::new() }))
+    };
+    let shift = Some(Vector { x: 0.5, y: 0.0, z: 0.0 });
+    let moved = TransformGaussians { target: of("skin copy"), shift, ..TransformGaussians::default() };
+    let delete = DeleteGaussians { target: of("bone") };
+    for command in [
+        duplicate("one", "skin"),
+        act("two", Action::TransformGaussians(moved)),
+        duplicate("three", "skin copy"),
+        act("four", Action::DeleteGaussians(delete)),
+    ] {
+        project.apply(&command).unwrap();
+    }
+    let edited = project.editor().message(true);
+    drop(project);
+    // From single commands, then from a checkpoint: its history has masks of three lengths.
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), edited);
+    project.checkpoint().unwrap();
+    drop(project);
+    let mut project = open(&path);
+    assert_eq!(project.editor().message(true), edited);
+    project.apply(&act("five", Action::Undo(Undo { steps: 4 }))).unwrap();
+    let undone = project.editor().message(true);
+    assert_eq!((undone.count, undone.base_units, undone.duplicates), (opened.count, opened.base_units, None));
+    project.checkpoint().unwrap();
+    drop(project);
+    let mut project = open(&path);
+    project.apply(&act("six", Action::Redo(Redo { steps: 4 }))).unwrap();
+    let redone = project.editor().message(true);
+    assert_eq!((redone.count, &redone.base_units), (edited.count, &edited.base_units));
+    assert_eq!((redone.duplicates, redone.placements), (edited.duplicates, edited.placements));
 }

@@ -8,9 +8,10 @@ use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Color, CommitSelection, DeleteGaussians, DeleteUnit, Mask as MaskMessage, MergeUnits, Orbit, Redo, RenameUnit,
-    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
-    SetTone, SetView, SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector, View,
+    Color, CommitSelection, DeleteGaussians, DeleteUnit, DuplicateGaussians, Mask as MaskMessage, MergeUnits, Orbit,
+    Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock,
+    SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector,
+    View,
 };
 use sg_scene::mask::Mask;
 
@@ -106,6 +107,8 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         4 => (name(), any::<bool>()).prop_map(|(name, replace)| Action::SaveUnit(SaveUnit { name, replace })),
         2 => target().prop_map(|target| Action::DeleteGaussians(DeleteGaussians { target })),
         1 => Just(Action::RestoreGaussians(RestoreGaussians {})),
+        2 => (target(), prop_oneof![3 => Just(String::new()), 1 => name()])
+            .prop_map(|(target, name)| Action::DuplicateGaussians(DuplicateGaussians { target, name })),
         2 => (target(), prop::array::uniform3(-1.0..1.0_f64), -90.0..90.0_f64, prop::option::of(0.5..2.0_f64)).prop_map(
             |(target, [x, y, z], degrees, factor)| {
                 let (shift, axis) = (Some(Vector { x, y, z }), Some(Vector { x: z, y: x, z: y }));

@@ -1,4 +1,4 @@
-//! The answers to the walk strokes of the scene's selection, as the service's state has them.
+//! What the service's state has of the newest revision: labels, and the answers to the walk strokes of the selection.
 
 use std::time::Duration;
 
@@ -16,6 +16,24 @@ use crate::wire;
 /// Pause before another try to reach the selector while its queue is full.
 const FULL_QUEUE_PAUSE: Duration = Duration::from_millis(50);
 
+/// What the state of the service has of a revision.
+pub(super) struct Newest {
+    revision: u64,
+    answers: Option<selection::Answers>,
+    clusters: u32,
+    labels_hash: String,
+    labels_path: String,
+}
+
+impl Newest {
+    /// Sets the fields of the state.
+    pub(super) fn put_into(self, state: &mut selection::State) {
+        let Self { revision, answers, clusters, labels_hash, labels_path } = self;
+        (state.revision, state.answers, state.clusters) = (revision, answers, clusters);
+        (state.labels_hash, state.labels_path) = (labels_hash, labels_path);
+    }
+}
+
 /// Publishes the newest revision of the local copy, with the answers to the walk strokes of its selection.
 pub(super) async fn publish_revisions(
     mut scene: SceneReplica<Replica>,
@@ -25,8 +43,8 @@ pub(super) async fn publish_revisions(
 ) {
     let SceneRevision { mut context, .. } = scene.newest();
     loop {
-        if let Some((revision, answers)) = newest_answers(&mailbox).await {
-            (state_message.revision, state_message.answers) = (revision, answers);
+        if let Some(newest) = newest_answers(&mailbox).await {
+            newest.put_into(&mut state_message);
             if let Err(fault) = owned.set(state_message.clone(), &context.next()).await {
                 tracing::warn!(%fault, "the state could not be published");
             }
@@ -39,7 +57,7 @@ pub(super) async fn publish_revisions(
 }
 
 /// The selector's answers at the newest revision. `None` once it has ended.
-async fn newest_answers(mailbox: &Mailbox<Message>) -> Option<(u64, Option<selection::Answers>)> {
+async fn newest_answers(mailbox: &Mailbox<Message>) -> Option<Newest> {
     loop {
         let (reply, answers) = oneshot::channel();
         match mailbox.tell(Message::Answers { reply }) {
@@ -52,17 +70,29 @@ async fn newest_answers(mailbox: &Mailbox<Message>) -> Option<(u64, Option<selec
 }
 
 impl Selector {
-    /// The newest revision, and the answers to the walk strokes of its selection.
-    pub(super) fn newest_answers(&mut self) -> (u64, Option<selection::Answers>) {
+    /// The newest revision, with its labels and the answers to the walk strokes of its selection.
+    pub(super) fn newest_answers(&mut self) -> Newest {
         let state = self.local_state();
-        match self.present(&state) {
-            Ok(session) => self.session = session,
+        let answers = match self.present(&state) {
+            Ok(session) => {
+                self.session = session;
+                self.answers()
+            }
             Err(fault) => {
                 tracing::warn!(%fault, "the selection of the scene has no answers");
-                return (state.revision(), None);
+                None
             }
+        };
+        if let Err(error) = self.labels.update(&state, self.places.labels()) {
+            tracing::warn!(error, "other processes do not know the Super-Gaussians of the duplicates");
         }
-        (state.revision(), self.answers())
+        Newest {
+            revision: state.revision(),
+            answers,
+            clusters: u32::try_from(self.session.index().clusters()).unwrap_or(u32::MAX),
+            labels_hash: self.labels.hash().to_owned(),
+            labels_path: self.labels.path().display().to_string(),
+        }
     }
 
     /// The answers to the walk strokes of the session. A selection with a tuning computes them now.

@@ -1,8 +1,8 @@
 //! Preparation of a scene for the selection process: parameters, clusters and cluster graph.
 //!
-//! Super-Gaussians are those of the file, also where edits have moved Gaussians: their numbers stay. Hits, distances and the
-//! neighbours of operations are those of the present places. A walk follows the contacts of the file, except between
-//! Super-Gaussians that were moved apart.
+//! Super-Gaussians are those of the file, also where edits have moved Gaussians: their numbers stay. Duplicated Gaussians have
+//! those of their originals, with numbers behind all others. Hits, distances and the neighbours of operations are those of the
+//! present places. A walk follows the contacts of the file, except between Super-Gaussians that were moved apart.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,6 +13,7 @@ use serde::Deserialize;
 use sg_clusters::cache::{self, ClusterCache, Found};
 use sg_clusters::cluster_graph::ClusterGraph;
 use sg_clusters::clustering::{Clustering, ClusteringOptions, cluster};
+use sg_clusters::duplicates::with_copies;
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::{Progress, Stage};
 use sg_edit::{EditState, PlacedScene};
@@ -82,13 +83,21 @@ pub(super) struct Prepared {
 /// The index of a scene wherever edits put its Gaussians.
 pub(super) struct Places {
     scene: PlacedScene,
-    clustering: Clustering,
-    graph: ClusterGraph,
+    /// Of the file.
+    of_file: Arc<Clustered>,
+    /// Of the newest state with duplicates, and the state.
+    with_duplicates: Option<(EditState, Arc<Clustered>)>,
     walk: WalkOptions,
     geometry: GeometryOptions,
     /// The index of the file, and the one of the newest other places with its scene.
-    of_file: Arc<SelectionIndex>,
+    index_of_file: Arc<SelectionIndex>,
     newest: Option<(Arc<Scene>, Arc<SelectionIndex>)>,
+}
+
+/// The clusters of a scene and their graph.
+struct Clustered {
+    clustering: Clustering,
+    graph: ClusterGraph,
 }
 
 impl Places {
@@ -98,29 +107,51 @@ impl Places {
         walk: WalkOptions,
         geometry: GeometryOptions,
     ) -> Self {
-        let of_file = index_of(scene.file(), &clustering, &graph, walk, geometry);
-        Self { scene, clustering, graph, walk, geometry, of_file, newest: None }
+        let of_file = Arc::new(Clustered { clustering, graph });
+        let index_of_file = index_of(scene.file(), &of_file.clustering, &of_file.graph, walk, geometry);
+        Self { scene, of_file, with_duplicates: None, walk, geometry, index_of_file, newest: None }
     }
 
-    /// Cluster of each Gaussian; -1 without a cluster.
+    /// Cluster of each Gaussian of the newest state that an index was asked for; -1 without a cluster.
     pub(super) fn labels(&self) -> &[i32] {
-        &self.clustering.labels
+        let clustered = self.with_duplicates.as_ref().map_or(&self.of_file, |(_, clustered)| clustered);
+        &clustered.clustering.labels
+    }
+
+    /// The clusters of a state: those of the file and those of duplicates. `scene` is that of the state.
+    fn clustered(&mut self, state: &EditState, scene: &Scene) -> Arc<Clustered> {
+        if state.duplicates().is_empty() {
+            self.with_duplicates = None;
+            return Arc::clone(&self.of_file);
+        }
+        if let Some((_, known)) = self.with_duplicates.as_ref().filter(|(of, _)| of.has_gaussians_of(state)) {
+            return Arc::clone(known);
+        }
+        let mut clustered = Arc::clone(&self.of_file);
+        for duplicate in state.duplicates().iter() {
+            let Clustered { clustering, graph } = &*clustered;
+            let (clustering, graph) = with_copies(clustering, graph, scene, duplicate.originals());
+            clustered = Arc::new(Clustered { clustering, graph });
+        }
+        self.with_duplicates = Some((state.clone(), Arc::clone(&clustered)));
+        clustered
     }
 
     /// The index of a scene in this state. Without a move since the last call it costs nothing.
     pub(super) fn index_of(&mut self, state: &EditState) -> Arc<SelectionIndex> {
         let scene = self.scene.of(state);
         if Arc::ptr_eq(&scene, self.scene.file()) {
-            self.newest = None;
-            return Arc::clone(&self.of_file);
+            (self.newest, self.with_duplicates) = (None, None);
+            return Arc::clone(&self.index_of_file);
         }
         if let Some((_, index)) = self.newest.as_ref().filter(|(of, _)| Arc::ptr_eq(of, &scene)) {
             return Arc::clone(index);
         }
-        let part = parts_of_clusters(state, &self.clustering);
+        let clustered = self.clustered(state, &scene);
+        let Clustered { clustering, graph } = &*clustered;
+        let part = parts_of_clusters(state, clustering);
         let together = |u: u32, v: u32| part.get(u as usize) == part.get(v as usize);
-        let graph = self.graph.keeping(together);
-        let index = index_of(&scene, &self.clustering, &graph, self.walk, self.geometry);
+        let index = index_of(&scene, clustering, &graph.keeping(together), self.walk, self.geometry);
         self.newest = Some((scene, Arc::clone(&index)));
         index
     }
@@ -216,7 +247,7 @@ mod tests {
 
     use sg_clusters::progress::Silent;
     use sg_proto::scene::command::Action;
-    use sg_proto::scene::{Target, TransformGaussians, Vector};
+    use sg_proto::scene::{DuplicateGaussians, Target, TransformGaussians, Vector};
     use sg_scene::synthetic::test_scene;
     use sg_selection::session::SelectionSession;
     use sg_selection::strokes::{Kind, Mode, Stroke};
@@ -266,6 +297,34 @@ mod tests {
         assert_eq!((hits(&first, at(400, 0.0)), hits(&index, at(400, far))), (vec![400], vec![400]));
         assert_eq!((hits(&index, at(400, 0.0)), hits(&index, at(20, 0.0))), (vec![], vec![20]));
         assert!(Arc::ptr_eq(&first, &places.index_of(&opened)), "undone: the file's own index again");
+    }
+
+    #[test]
+    fn strokes_on_a_duplicate_select_the_structure_there_and_nothing_of_the_original() {
+        let scene = Arc::new(test_scene(&[("other", 300), ("source", 300)]));
+        let opened = EditState::of_scene(&scene, "", "");
+        let mut places = places(&scene);
+        let target = Some(Target { units: vec!["source".to_owned()], ..Target::default() });
+        let duplicate = DuplicateGaussians { target, name: "copy".to_owned() };
+        let copied = opened.after(&scene, Action::DuplicateGaussians(duplicate)).unwrap();
+        let with_copy = PlacedScene::new(Arc::clone(&scene)).of(&copied);
+        let far = 5.0 * scene.bounds.longest_edge();
+        let moved = shifted(&with_copy, &copied, "copy", far);
+        let index = places.index_of(&moved);
+        assert_eq!((index.gaussians(), places.labels().len()), (900, 900));
+        let selected = |at: [f64; 3], mode| {
+            let mut session = SelectionSession::new(Arc::clone(&index));
+            session.add_stroke(stroke(mode, at)).unwrap();
+            session.mask().ones().collect::<Vec<_>>()
+        };
+        let at = |by: f64| scene.bounds.normalize(scene.position(400).unwrap() + by * glam::DVec3::X).to_array();
+        for mode in [Mode::Point, Mode::Cluster, Mode::Walk] {
+            let (original, copy) = (selected(at(0.0), mode), selected(at(far), mode));
+            assert!(!original.is_empty() && original.iter().all(|i| (300..600).contains(i)), "{mode:?}: {original:?}");
+            assert_eq!(copy, original.iter().map(|i| i + 300).collect::<Vec<_>>(), "{mode:?}");
+        }
+        assert_eq!(places.index_of(&opened).gaussians(), 600);
+        assert_eq!(places.labels().len(), 600, "undone");
     }
 
     #[test]
