@@ -12,7 +12,7 @@ use sg_scene::recolor::{BRIGHTNESS, KEPT, recolored};
 use sg_scene::tone::Tone;
 
 use crate::error::EditError;
-use crate::placement::placed;
+use crate::placed_scene::placed;
 use crate::state::{BaseUnitState, EditState, Unit};
 
 /// Most base units that edits make: as many as a scene file may have.

@@ -7,11 +7,12 @@ use sg_proto::limits::{MAX_MESSAGE_BYTES, MAX_NAME_BYTES};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Change as ChangeMessage, Command, CommandResult, Event, State};
 
+use super::change::Change;
 use super::error::EditError;
 use super::history::{Entry, History, HistoryMove};
 use super::placed_scene::PlacedScene;
 use super::replica::ReplicaError;
-use super::state::{Change, EditState};
+use super::state::EditState;
 use super::transaction::{Transaction, affected_units};
 use super::wire::{decode_change, encode_change};
 use sg_scene::model::Scene;
@@ -260,7 +261,7 @@ impl Editor {
         let mut next = self.state.clone();
         for value in values {
             let mismatch =
-                |m: super::state::StateMismatch| EditError::Malformed { field: "history", reason: m.to_string() };
+                |m: super::change::StateMismatch| EditError::Malformed { field: "history", reason: m.to_string() };
             next.apply_change(value.clone()).map_err(mismatch)?;
         }
         // Commands that only changed the focus have no entry, so a later entry may not clear what an earlier one sets.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::state::Change;
+use super::change::Change;
 
 /// Most entries of the undo stack.
 pub(super) const MAX_ENTRIES: usize = 1000;

@@ -34,10 +34,12 @@
 //! [`Event`]: sg_proto::scene::Event
 
 mod appearance;
+mod change;
 mod command_number;
 mod deletion;
 mod derived;
 mod duplicates;
+mod duplication;
 mod edited;
 mod editor;
 mod environment;
@@ -62,6 +64,7 @@ mod transformation;
 mod visibility;
 pub mod wire;
 
+pub use change::{Change, StateMismatch};
 pub use duplicates::Duplicate;
 pub use edited::Part;
 pub use editor::{Applied, Editor};
@@ -71,7 +74,7 @@ pub use placed_scene::PlacedScene;
 pub use placement::{Placement, middle};
 pub use reach::{LEAK_RANGE, leak_of, reach_of};
 pub use replica::{Replica, ReplicaError};
-pub use state::{BaseUnitState, Change, EditState, Geometry, Selection, StateMismatch, Unit, UnitRef, mask_hash};
+pub use state::{BaseUnitState, EditState, Geometry, Selection, Unit, UnitRef, mask_hash};
 
 pub use editor::{check_id, stored_entry};
 pub use history::{Entry, History};

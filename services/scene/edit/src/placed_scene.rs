@@ -2,10 +2,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use sg_scene::model::Scene;
+use sg_scene::model::{BaseUnit, Scene};
 
 use super::duplicates::{self, Duplicate};
-use super::placement::{self, Placement, placed};
+use super::placement::{self, Placement};
 use super::state::EditState;
 
 impl EditState {
@@ -102,4 +102,30 @@ impl PlacedScene {
         *newest = Some(Newest::of(state, &scene));
         scene
     }
+}
+
+/// The scene of a file with the copies of `state` and all Gaussians where it has them.
+#[must_use]
+pub(crate) fn placed(scene: &Scene, state: &EditState) -> Scene {
+    let mut placed = scene.clone();
+    for (duplicate, base) in state.duplicates().iter().zip(state.base_units().iter().skip(scene.units.len())) {
+        let first = duplicate.originals().ones().next();
+        let Some((source, _)) = first.and_then(|first| placed.locate(first)) else { continue };
+        let rows: Vec<usize> = duplicate.originals().ones().map(|i| i - source.first).collect();
+        let (gaussians, transfer_function) = (source.gaussians.rows(&rows), source.transfer_function.clone());
+        let name = base.name.clone();
+        let copies = BaseUnit { name, file: None, gaussians, first: base.first, transfer_function, ..*source };
+        placed.units.push(copies);
+    }
+    for unit in &mut placed.units {
+        let (to_local, from_local) = (unit.transform.inverse(), unit.transform);
+        for part in state.placements().iter() {
+            let rows: Vec<usize> = unit.range().filter(|i| part.members.get(*i)).map(|i| i - unit.first).collect();
+            if !rows.is_empty() {
+                // A unit that its file stretches keeps view-dependent colours that are turned only, as an export of it does.
+                unit.gaussians.transform(&rows, &(to_local * part.map.matrix() * from_local));
+            }
+        }
+    }
+    placed
 }

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use sg_proto::scene::{Event, State, change};
 
-use super::state::{EditState, StateMismatch};
+use super::change::StateMismatch;
+use super::state::EditState;
 use super::wire::{WireError, decode_change};
 
 /// An event or snapshot that cannot be applied. The copy stays unchanged; a full snapshot repairs it.
@@ -164,7 +165,8 @@ mod tests {
         let mut torn = background(1, 0.5);
         let mask = Some(Mask { length: 9, bits: vec![0, 0] });
         torn.changes.push(Change { item: Some(Item::Selection(Selection { mask, ..Selection::default() })) });
-        assert!(matches!(replica.apply(&torn), Err(ReplicaError::Message { revision: 1, .. })));
+        let of_other_length = replica.apply(&torn);
+        assert!(matches!(of_other_length, Err(ReplicaError::StateMismatch { revision: 1, .. })), "{of_other_length:?}");
         torn.changes[1] = Change { item: None };
         assert!(replica.apply(&torn).is_err());
         assert_eq!(replica, before);

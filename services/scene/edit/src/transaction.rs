@@ -1,8 +1,9 @@
 //! The transaction of one command.
 
+use super::change::Change;
 use super::error::EditError;
 use super::placed_scene::PlacedScene;
-use super::state::{Change, EditState, Unit};
+use super::state::{EditState, Unit};
 use sg_proto::limits::MAX_UNITS;
 
 /// A copy of the state that one command changes; dropped if the command is refused.

@@ -3,6 +3,7 @@
 mod duplicate_message;
 mod placement_message;
 mod tone_message;
+mod unit_message;
 
 use std::sync::Arc;
 
@@ -12,8 +13,9 @@ use sg_proto::scene::selection_step::Step;
 
 use self::duplicate_message::{check_duplicates, decode_duplicates, encode_duplicates};
 use self::placement_message::{decode_placements, encode_placements};
-use self::tone_message::{decode_tone, encode_tone};
-use super::state::{BaseUnitState, Change, EditState, Geometry, Selection, Unit};
+use self::unit_message::{decode_base, decode_unit, encode_base, encode_unit};
+use super::change::Change;
+use super::state::{EditState, Geometry, Selection};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
@@ -278,68 +280,6 @@ pub fn decode_side(value: i32) -> Result<Option<Side>, WireError> {
         Ok(proto::NamedView::Initial) => Ok(None),
         Ok(proto::NamedView::Unspecified) | Err(_) => Err(WireError::Kind { field: "view.named", value }),
     }
-}
-
-fn encode_base(base: &BaseUnitState) -> proto::BaseUnit {
-    proto::BaseUnit {
-        name: base.name.clone(),
-        first: base.first as u64,
-        count: base.count as u64,
-        palette: Some(encode_color(base.palette)),
-        opacity: base.opacity,
-        visible: base.visible,
-        deleted: base.deleted as u64,
-        locked: base.locked,
-        tone: encode_tone(base.tone),
-        duplicated: base.duplicated,
-    }
-}
-
-fn decode_base(base: &proto::BaseUnit) -> Result<BaseUnitState, WireError> {
-    Ok(BaseUnitState {
-        name: base.name.clone(),
-        first: count(base.first, "base_unit.first")?,
-        count: count(base.count, "base_unit.count")?,
-        palette: decode_color(base.palette.as_ref().ok_or(WireError::Missing("base_unit.palette"))?),
-        opacity: base.opacity,
-        visible: base.visible,
-        deleted: count(base.deleted, "base_unit.deleted")?,
-        locked: base.locked,
-        tone: decode_tone(base.tone.as_ref(), "base_unit.tone")?,
-        duplicated: base.duplicated,
-    })
-}
-
-fn encode_unit(unit: &Unit, with_mask: bool) -> proto::Unit {
-    proto::Unit {
-        id: unit.id,
-        name: unit.name.clone(),
-        mask: with_mask.then(|| encode_mask(&unit.mask)),
-        count: unit.mask.count() as u64,
-        color: unit.color.map(encode_color),
-        opacity: unit.opacity,
-        visible: unit.visible,
-        derived: unit.derived,
-        deleted: unit.deleted.as_deref().filter(|_| with_mask).map(encode_mask),
-        locked: unit.locked,
-        tone: encode_tone(unit.tone),
-    }
-}
-
-fn decode_unit(unit: &proto::Unit) -> Result<Unit, WireError> {
-    let mask = unit.mask.as_ref().ok_or(WireError::Missing("unit.mask"))?;
-    Ok(Unit {
-        id: unit.id,
-        name: unit.name.clone(),
-        mask: Arc::new(decode_any_mask(mask, "unit.mask")?),
-        deleted: decode_optional(unit.deleted.as_ref(), "unit.deleted")?,
-        locked: unit.locked,
-        tone: decode_tone(unit.tone.as_ref(), "unit.tone")?,
-        color: unit.color.as_ref().map(decode_color),
-        opacity: unit.opacity,
-        visible: unit.visible,
-        derived: unit.derived,
-    })
 }
 
 /// A mask over as many Gaussians as it says, from a message. Its reader compares its length with the scene.

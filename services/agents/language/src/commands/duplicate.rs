@@ -5,12 +5,11 @@ use sg_proto::language::{Act, Clause};
 use sg_proto::scene::DuplicateGaussians;
 use sg_proto::scene::command::Action;
 use winnow::Parser;
-use winnow::combinator::opt;
 
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use super::naming::named;
 use crate::resolution::{Refusal, Step, checked_name, target_of};
-use crate::syntax::phrase::{Input, Outcome, exactly};
+use crate::syntax::phrase::{Input, Outcome, one_of, skip};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::target_then;
 use crate::unit_names::{self, Lookup};
@@ -37,9 +36,10 @@ fn duplicate(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
 
 /// Parses "a copy of the sac", "another copy of the selection as twin".
 fn a_copy(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    let _ = opt(exactly("me")).parse_next(input)?;
-    let _ = exactly(
-        "a copy of | another copy of | one copy of | a duplicate of | another duplicate of | one more copy of | a clone of",
+    skip("me").parse_next(input)?;
+    one_of(
+        "a copy of | another copy of | one copy of | one more copy of | a duplicate of | another duplicate of | a clone of | \
+         another clone of",
     )
     .parse_next(input)?;
     duplicate(verb, input)

@@ -10,7 +10,7 @@ use sg_proto::scene::{
 };
 
 use super::*;
-use crate::state::Change;
+use crate::change::Change;
 use crate::{HistoryMove, UnitRef};
 use sg_scene::orientation::{Axis, PatientFrame};
 

@@ -63,7 +63,7 @@ fn undo_takes_the_copies_away_and_redo_brings_them_back() {
     let undone = editor.message(true);
     assert_eq!((undone.count, &undone.units, &undone.base_units), (60, &before.units, &before.base_units));
     assert_eq!((undone.selection, undone.duplicates), (before.selection, None));
-    assert!(std::sync::Arc::ptr_eq(&editor.scene(), &file));
+    assert!(Arc::ptr_eq(&editor.scene(), &file));
     run(&mut editor, [redo(3)]);
     let redone = editor.message(true);
     assert_eq!((&redone.units, &redone.base_units), (&after.units, &after.base_units));
@@ -148,8 +148,8 @@ fn what_cannot_be_copied_is_refused() {
 
 #[test]
 fn an_export_has_the_copies_where_they_are() {
-    let scene = std::sync::Arc::new(samples::two_units(40));
-    let mut editor = Editor::new(std::sync::Arc::clone(&scene), EditState::of_scene(&scene, "scene.toml", ""));
+    let scene = Arc::new(samples::two_units(40));
+    let mut editor = Editor::new(Arc::clone(&scene), EditState::of_scene(&scene, "scene.toml", ""));
     let name = editor.state().base_units()[1].name.clone();
     run(&mut editor, [duplicate(units(&[&name]), "twin"), shift(units(&["twin"]), [2.0, 0.0, 0.0])]);
     let state = editor.state();
@@ -157,7 +157,7 @@ fn an_export_has_the_copies_where_they_are() {
     assert_eq!((all.len(), all.units.len(), all.units[2].name.as_str()), (state.count(), 3, "twin"));
     let alone = state.edited(&scene, &state.part(Part::Unit("twin")).unwrap()).unwrap();
     assert_eq!(alone.len(), scene.units[1].gaussians.len());
-    let placed = PlacedScene::new(std::sync::Arc::clone(&scene)).of(state);
+    let placed = PlacedScene::new(Arc::clone(&scene)).of(state);
     assert_eq!(alone.position(3), placed.position(scene.len() + 3));
 }
 
