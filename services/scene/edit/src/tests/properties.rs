@@ -14,7 +14,8 @@ use sg_scene::similarity::Similarity;
 use super::*;
 use crate::{HistoryMove, Replica, UnitRef};
 
-const NAMES: [&str; 8] = ["bone", "SKIN", "vessel", "sac", "neck", "selection 1", "everything but sac", "nobody"];
+const NAMES: [&str; 9] =
+    ["bone", "SKIN", "vessel", "bone copy", "sac", "neck", "selection 1", "everything but sac", "nobody"];
 
 fn name() -> impl Strategy<Value = String> {
     prop::sample::select(NAMES.as_slice()).prop_map(str::to_owned)
