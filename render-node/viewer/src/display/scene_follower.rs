@@ -60,8 +60,8 @@ impl SceneFollower {
         Ok((Self { worker, asked: (Arc::clone(&first), false), shown: first }, scene))
     }
 
-    /// Asks for the scene of `state` where it has other Gaussians, or has them elsewhere; `is_draft` says that a hand still moves them. Returns
-    /// the newest scene that is known, once, and does not wait.
+    /// Asks for the scene of `state` where it has other Gaussians, or has them elsewhere. `is_draft` says that a hand still moves
+    /// them. Returns the newest scene that is known, once, and does not wait.
     pub fn follow(&mut self, state: &Arc<EditState>, is_draft: bool) -> Option<FollowedScene> {
         let (asked, was_draft) = &self.asked;
         let is_same = asked.is_placed_as(state);
@@ -74,8 +74,8 @@ impl SceneFollower {
         Some(followed)
     }
 
-    /// `state`, or the last one before it that fits the scene which [`Self::follow`] returned last: after a change of the number of
-    /// Gaussians, a display shows the former state until their scene is known.
+    /// `state`, if the scene that [`Self::follow`] returned last has its Gaussians; else the last state before it of which that holds.
+    /// So a display shows the former state until the scene of duplicates is known.
     #[must_use]
     pub fn shown(&mut self, state: &Arc<EditState>) -> Arc<EditState> {
         if self.shown.has_gaussians_of(state) {

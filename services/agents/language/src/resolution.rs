@@ -263,6 +263,11 @@ pub(crate) fn checked_name(clause: &Clause) -> Result<String, Refusal> {
     Ok(name.to_owned())
 }
 
+/// The refusal of a new name that a unit has already.
+pub(crate) fn name_taken(name: &str) -> Refusal {
+    Refusal::new(Code::AlreadyExists, format!("The name “{name}” exists already. Use another name."))
+}
+
 /// Whether the name is that of a base unit.
 pub(crate) fn is_base_unit(name: &str, state: &State) -> bool {
     state.base_units.iter().any(|u| u.name == name)

@@ -13,7 +13,7 @@ use super::error::EditError;
 use super::membership::gaussians;
 use super::names::{checked_name, first_name, join_names};
 use super::placement::Placement;
-use super::state::{BaseUnitState, EditState, Selection, Unit, UnitRef};
+use super::state::{BaseUnitState, EditState, Selection, Unit};
 use super::transaction::Transaction;
 
 /// Most base units of copies: each takes a mask in every snapshot.
@@ -194,13 +194,7 @@ impl Transaction<'_> {
             name => Some(checked_name(name, "duplicate_gaussians.name")?),
         };
         if let Some(name) = &given {
-            match self.state.is_taken(name, None) {
-                Some(UnitRef::Editable(id)) if self.state.units.get(&id).is_some_and(|unit| unit.derived) => {
-                    self.yield_name(name);
-                }
-                Some(_) => return Err(EditError::NameTaken(name.clone())),
-                None => {}
-            }
+            self.claim_name(name, None)?;
         }
         let mut names: Vec<String> = Vec::new();
         for (unit, _) in parts {

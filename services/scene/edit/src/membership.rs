@@ -169,13 +169,7 @@ impl Transaction<'_> {
     pub(super) fn rename_unit(&mut self, command: &RenameUnit) -> Result<String, EditError> {
         let (unit, name) = self.renamable(&command.name)?;
         let new = checked_name(&command.new_name, "rename_unit.new_name")?;
-        match self.state.is_taken(&new, Some(unit)) {
-            Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
-                self.yield_name(&new);
-            }
-            Some(_) => return Err(EditError::NameTaken(new)),
-            None => {}
-        }
+        self.claim_name(&new, Some(unit))?;
         match unit {
             UnitRef::Base(i) => {
                 if let Some(base) = self.state.base.get_mut(i) {
@@ -189,6 +183,18 @@ impl Transaction<'_> {
         }
         self.focus_on(vec![new.clone()]);
         Ok(format!("renamed {name} to {new}"))
+    }
+
+    /// Makes a name free for a unit other than `except`, unless a person or the file gave it to another one.
+    pub(super) fn claim_name(&mut self, name: &str, except: Option<UnitRef>) -> Result<(), EditError> {
+        match self.state.is_taken(name, except) {
+            Some(UnitRef::Editable(other)) if self.state.units.get(&other).is_some_and(|u| u.derived) => {
+                self.yield_name(name);
+                Ok(())
+            }
+            Some(_) => Err(EditError::NameTaken(name.to_owned())),
+            None => Ok(()),
+        }
     }
 
     /// Frees a name that a derived unit has: names given by people go first.

@@ -39,12 +39,8 @@ impl Transaction<'_> {
         };
         // The name of a unit that goes, or of the first one, is free.
         match self.state.is_taken(&name, Some(first)) {
-            Some(UnitRef::Editable(id)) if merged.contains(&UnitRef::Editable(id)) => {}
-            Some(UnitRef::Editable(id)) if self.state.units.get(&id).is_some_and(|u| u.derived) => {
-                self.yield_name(&name);
-            }
-            Some(_) => return Err(EditError::NameTaken(name)),
-            None => {}
+            Some(unit @ UnitRef::Editable(_)) if merged.contains(&unit) => {}
+            _ => self.claim_name(&name, Some(first))?,
         }
         if let UnitRef::Base(i) = first
             && self.state.base.get(i).is_some_and(|base| base.name.to_lowercase() == name.to_lowercase())

@@ -1,6 +1,5 @@
 //! Copied Gaussians: "duplicate the sac", "make a copy of the sac as twin".
 
-use sg_proto::bus::Code;
 use sg_proto::language::{Act, Clause};
 use sg_proto::scene::DuplicateGaussians;
 use sg_proto::scene::command::Action;
@@ -8,7 +7,7 @@ use winnow::Parser;
 
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use super::naming::named;
-use crate::resolution::{Refusal, Step, checked_name, target_of};
+use crate::resolution::{Refusal, Step, checked_name, name_taken, target_of};
 use crate::syntax::phrase::{Input, Outcome, one_of, skip};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::target_then;
@@ -51,7 +50,7 @@ fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
     if let Lookup::Unique(other) = unit_names::lookup(&name, &unit_names::addressable(context.state))
         && !name.is_empty()
     {
-        return Err(Refusal::new(Code::AlreadyExists, format!("The name “{other}” exists already. Use another name.")));
+        return Err(name_taken(other));
     }
     let units = target.units.clone();
     Ok(Step::Change { action: Action::DuplicateGaussians(DuplicateGaussians { target: Some(target), name }), units })

@@ -1,6 +1,5 @@
 //! Merged units: "merge the sac and the vessel", "merge the sac and the neck as aneurysm".
 
-use sg_proto::bus::Code;
 use sg_proto::language::{Act, Clause};
 use sg_proto::scene::MergeUnits;
 use sg_proto::scene::command::Action;
@@ -10,7 +9,7 @@ use winnow::error::EmptyError;
 
 use super::command::{Command, Construct, Context, Effect, Field};
 use super::naming::{name, named};
-use crate::resolution::{Refusal, Step, checked_name, is_base_unit, target_of};
+use crate::resolution::{Refusal, Step, checked_name, is_base_unit, name_taken, target_of};
 use crate::syntax::phrase::{Input, Outcome, exactly};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::{Target, target_then};
@@ -89,7 +88,7 @@ fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
         && !name.is_empty()
         && (!units.iter().any(|u| u == other) || is_base_unit(other, state))
     {
-        return Err(Refusal::new(Code::AlreadyExists, format!("The name “{other}” exists already. Use another name.")));
+        return Err(name_taken(other));
     }
     let made = if name.is_empty() { first.clone() } else { name.clone() };
     Ok(Step::Change { action: Action::MergeUnits(MergeUnits { units, name }), units: vec![made] })

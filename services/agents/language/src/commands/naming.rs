@@ -10,7 +10,7 @@ use winnow::combinator::{alt, opt};
 use winnow::error::EmptyError;
 
 use super::command::{Command, Construct, Context, Effect, Field};
-use crate::resolution::{Refusal, Step, checked_name, is_base_unit, need_selection, renamable_unit, unit};
+use crate::resolution::{Refusal, Step, checked_name, is_base_unit, name_taken, need_selection, renamable_unit, unit};
 use crate::syntax::phrase::{
     Input, Outcome, THE_SELECTION, UNIT_NOUN, advance, article, end, exactly, items, one_of, peek_at, remaining, skip,
     slice,
@@ -215,10 +215,7 @@ fn resolve_label(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal
                 ));
             }
             Lookup::Unique(_) | Lookup::Ambiguous(_) => {
-                return Err(Refusal::new(
-                    Code::AlreadyExists,
-                    format!("The name “{spoken}” exists already. Use another name."),
-                ));
+                return Err(name_taken(&spoken));
             }
         }
     };
@@ -237,7 +234,7 @@ fn resolve_rename(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusa
     if let Lookup::Unique(other) = unit_names::lookup(&new_name, &unit_names::addressable(context.state))
         && other != name
     {
-        return Err(Refusal::new(Code::AlreadyExists, format!("The name “{other}” exists already. Use another name.")));
+        return Err(name_taken(other));
     }
     let units = vec![new_name.clone()];
     Ok(Step::Change { action: Action::RenameUnit(RenameUnit { name, new_name }), units })
