@@ -107,6 +107,12 @@ impl Image {
         self.rgba.chunks_exact(4)
     }
 
+    /// RGBA of each pixel, rows from the top.
+    #[must_use]
+    pub fn as_pixels(&self) -> &[[f32; 4]] {
+        self.rgba.as_chunks().0
+    }
+
     /// 8-bit RGB of the composited picture, round(255·clamp), row by row from the top.
     #[must_use]
     pub fn rgb8(&self) -> Vec<u8> {

@@ -5,7 +5,7 @@
 //! pictures consistent while a camera turns.
 //!
 //! [`image_error`] compares a picture with a reference. [`pick`] finds the front Gaussian. [`structure`] colors clusters.
-//! [`counts`] counts the work of a graphics device. [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
+//! [`gradient`] has the derivatives of a picture, for training. [`counts`] counts the work of a graphics device. [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
 //!
 //! ```
 //! use sg_raster::image_error::Difference;
@@ -31,6 +31,7 @@ mod depth;
 pub mod finish;
 mod footprint;
 pub mod foveation;
+pub mod gradient;
 pub mod harmonics;
 pub mod image;
 pub mod image_error;

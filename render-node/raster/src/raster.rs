@@ -61,7 +61,8 @@ pub(crate) fn rasterize<T: Sync, P: Copy + Default + Send + Sync>(
     pixels
 }
 
-fn draw_row<P: Copy + Send>(
+/// Fills the pixels of one row of tiles.
+pub(crate) fn draw_row<P: Copy + Send>(
     row: usize,
     pixels: &mut [P],
     width: usize,

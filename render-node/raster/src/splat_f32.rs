@@ -94,7 +94,10 @@ pub(crate) enum Drawn {
 }
 
 impl Drawn {
-    fn color(&self) -> Vec3 {
+    /// Gaussians of a list between two tests for finished rows.
+    pub(crate) const GROUP: usize = 16;
+
+    pub(crate) fn color(&self) -> Vec3 {
         match self {
             Self::Ellipse(splat) => splat.color,
             Self::Rays(ray) => ray.color,
@@ -106,6 +109,14 @@ impl Drawn {
         match self {
             Self::Ellipse(splat) => (splat.ellipse, f64::from(splat.radius)),
             Self::Rays(ray) => (ray.reach, 1.0),
+        }
+    }
+
+    /// The splat, where its footprint is an ellipse.
+    pub(crate) fn ellipse(&self) -> Option<&Splat> {
+        match self {
+            Self::Ellipse(splat) => Some(splat),
+            Self::Rays(_) => None,
         }
     }
 
@@ -135,7 +146,7 @@ pub(crate) struct Splat {
     pub(crate) range: f32,
     /// Standard deviations at which α reaches the cut.
     pub(crate) radius: f32,
-    color: Vec3,
+    pub(crate) color: Vec3,
 }
 
 impl Splat {
@@ -153,6 +164,37 @@ impl Splat {
         }
     }
 
+    /// The rows of a tile that the level at the cut reaches, from the place of the tile's first pixel.
+    #[inline]
+    pub(crate) fn rows(&self, [x, y]: [f64; 2]) -> impl Iterator<Item = SplatRow> {
+        let e = &self.ellipse;
+        let dy = y - e.center.y;
+        // u and v at the first pixel, in f64 because the centre may be far away; from there on differences are small.
+        let u0 = ((x - e.center.x - e.slope * dy) * f64::from(self.per_column)) as f32;
+        let v0 = (dy * f64::from(self.per_row)) as f32;
+        let u_per_row = (e.slope * f64::from(self.per_column)) as f32;
+        let reach = f64::from(self.radius) * e.over_rows;
+        // Rows within the level, at least; the casts saturate.
+        let from = (-dy - reach).max(0.0) as usize;
+        let to = ((reach - dy).max(-1.0) + 1.0) as usize;
+        let (per_row, log_opacity, cut) = (self.per_row, self.log_opacity, self.log_opacity - self.range);
+        (from..to.min(TILE)).filter_map(move |row| {
+            let v = v0 + per_row * row as f32;
+            let peak = log_opacity - v * v;
+            (peak >= cut).then_some(SplatRow { row, u: u0 - u_per_row * row as f32, v, peak, cut })
+        })
+    }
+
+    /// u and α at one vector of pixels of a row; `None` where all are below the cut.
+    #[inline]
+    pub(crate) fn alpha(&self, row: &SplatRow, half: usize) -> Option<(f32x8, f32x8)> {
+        let column = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) * f32x8::splat(self.per_column);
+        let u = column + f32x8::splat(row.u + self.per_column * LANES as f32 * half as f32);
+        let power = f32x8::splat(row.peak) - u * u;
+        let drawn = power.simd_ge(f32x8::splat(row.cut));
+        drawn.any().then(|| (u, exp2(power).fast_min(f32x8::ONE) & drawn))
+    }
+
     /// The same as blocks of pixels see it, in units of blocks.
     fn in_blocks(&self) -> Self {
         let unit = (0.5 * std::f64::consts::LOG2_E).sqrt();
@@ -167,7 +209,22 @@ impl Splat {
     }
 }
 
-const HALVES: usize = TILE / LANES;
+/// A row of a tile's pixels that a splat reaches.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SplatRow {
+    pub(crate) row: usize,
+    /// u at its first pixel, scaled.
+    u: f32,
+    /// v, scaled.
+    pub(crate) v: f32,
+    /// log₂ of the highest α on it.
+    peak: f32,
+    /// log₂ of the α that is not drawn.
+    cut: f32,
+}
+
+/// Vectors of a row.
+pub(crate) const HALVES: usize = TILE / LANES;
 
 /// One row of pixels while it is blended.
 #[derive(Clone, Copy)]
@@ -180,10 +237,11 @@ struct Line {
     finished: bool,
 }
 
-struct Tile([Line; TILE]);
+/// A tile while it is blended.
+pub(crate) struct Tile([Line; TILE]);
 
 impl Tile {
-    fn blend(splats: &[Drawn], list: &[u32], [x0, y0]: [usize; 2], stop: f32) -> Self {
+    pub(crate) fn blend(splats: &[Drawn], list: &[u32], [x0, y0]: [usize; 2], stop: f32) -> Self {
         let zero = [f32x8::ZERO; HALVES];
         let line = Line { transmittance: [f32x8::ONE; HALVES], red: zero, green: zero, blue: zero, finished: false };
         let tile = Self([line; TILE]);
@@ -208,7 +266,7 @@ impl Tile {
     /// Blends a list by `add` until all rows are finished.
     fn through(mut self, splats: &[Drawn], list: &[u32], stop: f32, add: impl Fn(&mut Self, &Drawn)) -> Self {
         // A test for finished rows costs about as much as blending one, so test once for several Gaussians.
-        for group in list.chunks(16) {
+        for group in list.chunks(Drawn::GROUP) {
             group.iter().filter_map(|k| splats.get(*k as usize)).for_each(|splat| add(&mut self, splat));
             if self.finish(stop) {
                 break;
@@ -237,36 +295,14 @@ impl Tile {
         }
     }
 
-    fn add_ellipse(&mut self, splat: &Splat, [x, y]: [f64; 2]) {
-        let e = &splat.ellipse;
-        let dy = y - e.center.y;
-        // u and v at the first pixel, in f64 because the centre may be far away; from there on differences are small.
-        let u0 = ((x - e.center.x - e.slope * dy) * f64::from(splat.per_column)) as f32;
-        let v0 = (dy * f64::from(splat.per_row)) as f32;
-        let u_per_row = (e.slope * f64::from(splat.per_column)) as f32;
-        let reach = f64::from(splat.radius) * e.over_rows;
-        // Rows within the level, at least; the casts saturate.
-        let from = (-dy - reach).max(0.0) as usize;
-        let to = ((reach - dy).max(-1.0) + 1.0) as usize;
-        let column = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) * f32x8::splat(splat.per_column);
-        let half = splat.per_column * LANES as f32;
-        let cut = splat.log_opacity - splat.range;
-        for (row, line) in self.0.iter_mut().enumerate().take(to).skip(from) {
-            let row = row as f32;
-            let v = v0 + splat.per_row * row;
-            let peak = splat.log_opacity - v * v;
-            if peak < cut || line.finished {
+    fn add_ellipse(&mut self, splat: &Splat, first: [f64; 2]) {
+        for row in splat.rows(first) {
+            let line = &mut self.0[row.row];
+            if line.finished {
                 continue;
             }
-            let u = u0 - u_per_row * row;
             for k in 0..HALVES {
-                let u = column + f32x8::splat(u + half * k as f32);
-                let power = f32x8::splat(peak) - u * u;
-                let drawn = power.simd_ge(f32x8::splat(cut));
-                if !drawn.any() {
-                    continue;
-                }
-                let alpha = exp2(power).fast_min(f32x8::ONE) & drawn;
+                let Some((_, alpha)) = splat.alpha(&row, k) else { continue };
                 let weight = alpha * line.transmittance[k];
                 line.red[k] += weight * f32x8::splat(splat.color.x);
                 line.green[k] += weight * f32x8::splat(splat.color.y);
@@ -294,7 +330,7 @@ impl Tile {
         }
     }
 
-    fn composite(&self, background: Vec3) -> TilePixels {
+    pub(crate) fn composite(&self, background: Vec3) -> TilePixels {
         let mut pixels = [[0.0; 4]; TILE * TILE];
         for (line, pixels) in self.0.iter().zip(pixels.chunks_mut(TILE)) {
             for (k, pixels) in pixels.chunks_mut(LANES).enumerate() {

@@ -29,6 +29,20 @@ impl NormalTransform {
     pub fn apply(&self, normal: DVec3) -> DVec3 {
         (self.0 * normal).normalize_or_zero() * normal.length()
     }
+
+    /// Derivatives of a number by `normal`, from those by the result of [`Self::apply`]; 0 where the result is 0.
+    #[must_use]
+    pub fn gradient(&self, normal: DVec3, by_result: DVec3) -> DVec3 {
+        let moved = self.0 * normal;
+        let (length, moved_length) = (normal.length(), moved.length());
+        if length == 0.0 || moved_length == 0.0 {
+            return DVec3::ZERO;
+        }
+        let direction = moved / moved_length;
+        let along = direction.dot(by_result);
+        // The direction turns with the map; the length is that of the normal itself.
+        self.0.transpose() * (by_result - along * direction) * (length / moved_length) + along * normal / length
+    }
 }
 
 impl Gaussians {
