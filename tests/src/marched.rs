@@ -4,7 +4,7 @@ use sg_raster::image::Image;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_volume::classifier::Classifier;
-use sg_volume::dvr::{self, Lighting, Pinhole};
+use sg_volume::dvr::{self, Illumination, Lighting, Material, Pinhole};
 use sg_volume::field::Field;
 
 /// Voxels between two samples of a ray.
@@ -23,11 +23,14 @@ impl Marched {
     pub fn new(field: Field, classifier: Classifier, scene: &Scene) -> Self {
         let first = |k: &[f32]| k.first().copied().unwrap_or_default();
         let shading = scene.units.first().and_then(|u| u.gaussians.shading.as_ref());
-        let lighting = shading.map_or(Lighting::Unlit, |s| Lighting::Headlight {
-            ambient: first(&s.ambient),
-            diffuse: first(&s.diffuse),
-            specular: first(&s.specular),
-            shininess: first(&s.shininess),
+        let lighting = shading.map_or(Lighting::Unlit, |s| {
+            let material = Material {
+                ambient: first(&s.ambient),
+                diffuse: first(&s.diffuse),
+                specular: first(&s.specular),
+                shininess: first(&s.shininess),
+            };
+            Lighting::Lit(material, Illumination::Headlight)
         });
         Self { field, classifier, lighting }
     }

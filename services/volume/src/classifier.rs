@@ -26,6 +26,7 @@ impl TransferFunction {
             knots: self.points.iter().map(|p| self.scale.apply(p.value)).collect(),
             samples: self.points.iter().map(|p| (Vec3::from_array(p.color), p.opacity)).collect(),
             units: self.base_units.iter().map(|u| u.range.map(|x| self.scale.apply(self.clamp(x)))).collect(),
+            only: None,
         })
     }
 
@@ -45,6 +46,8 @@ pub struct Classifier {
     knots: Vec<f64>,
     samples: Vec<(Vec3, f32)>,
     units: Vec<[f64; 2]>,
+    /// The one base unit that is shown.
+    only: Option<usize>,
 }
 
 /// The base unit of a value.
@@ -57,13 +60,36 @@ pub struct BaseUnitMatch {
 }
 
 impl Classifier {
+    /// The same function with opacity 0 for all values of other base units.
+    #[must_use]
+    pub fn only(&self, unit: usize) -> Self {
+        Self { only: Some(unit), ..self.clone() }
+    }
+
+    /// Whether some value between two raw values has an opacity above 0. Not to be missed, but it may say so of values of other
+    /// base units than [`Self::only`] shows.
+    #[must_use]
+    pub fn is_visible_between(&self, low: f64, high: f64) -> bool {
+        // Between control points the opacity is linear, so it is 0 if it is 0 at all ends.
+        let ends = [self.scaled(low), self.scaled(high)];
+        let within =
+            self.knots.iter().zip(&self.samples).any(|(k, (_, o))| *o > 0.0 && (ends[0]..=ends[1]).contains(k));
+        within || ends.into_iter().any(|x| self.at(x).1 > 0.0)
+    }
+
     /// Colour and opacity (per reference length) of a raw value; transparent black for NaN.
     #[must_use]
     pub fn evaluate(&self, raw: f64) -> (Vec3, f32) {
         if raw.is_nan() {
             return (Vec3::ZERO, 0.0);
         }
-        let x = self.scaled(raw);
+        let (color, opacity) = self.at(self.scaled(raw));
+        let is_shown = opacity == 0.0 || self.only.is_none_or(|unit| self.unit(raw).unit == unit);
+        (color, if is_shown { opacity } else { 0.0 })
+    }
+
+    /// Colour and opacity at a scaled value.
+    fn at(&self, x: f64) -> (Vec3, f32) {
         let after = self.knots.partition_point(|&k| k <= x);
         match (after.checked_sub(1).and_then(|i| self.samples.get(i)), self.samples.get(after)) {
             (None, Some(&first)) => first,

@@ -1,7 +1,7 @@
 //! Direct volume rendering by ray marching (Levoy 1988; Max 1995).
 //!
 //! The image is the reference for Gaussians of the same volume. Rays run front to back with post-classification. The step
-//! length corrects the opacities. A ray stops at a transmittance of 1e-5.
+//! length corrects the opacities. A ray stops at a transmittance of 1e-5. It skips blocks of voxels without opacity.
 
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::classifier::Classifier;
 use crate::field::Field;
 use crate::opacity::correct_opacity;
+use crate::visible_blocks::VisibleBlocks;
 
 /// A pinhole camera: x right, y down, z forward; the first pixel's centre at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq)]
@@ -31,18 +32,31 @@ pub enum Lighting {
     /// The unchanged colour of the transfer function.
     #[default]
     Unlit,
-    /// Blinn–Phong with a white light at the eye and the normal −∇v/|∇v|.
+    /// Blinn–Phong with one white light and the normal n = −∇v/|∇v|.
     /// `c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β`, clamped to `[0, 1]`.
-    Headlight {
-        /// Ambient factor.
-        ambient: f32,
-        /// Diffuse factor.
-        diffuse: f32,
-        /// Specular factor.
-        specular: f32,
-        /// Specular exponent.
-        shininess: f32,
-    },
+    Lit(Material, Illumination),
+}
+
+/// Factors of the shading, the same for all samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Ambient factor ka.
+    pub ambient: f32,
+    /// Diffuse factor kd.
+    pub diffuse: f32,
+    /// Specular factor ks.
+    pub specular: f32,
+    /// Specular exponent β.
+    pub shininess: f32,
+}
+
+/// The place of the light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Illumination {
+    /// At the eye: l, v and h are equal.
+    Headlight,
+    /// Far away in this direction of the world, of any length.
+    Direction(Vec3),
 }
 
 /// An image, row by row: RGB composited over the background, A = 1 − transmittance.
@@ -66,40 +80,52 @@ pub fn render(
     background: Vec3,
     step: f64,
 ) -> Image {
-    let marcher = RayMarcher {
-        field,
-        classifier,
-        lighting,
-        step: step.max(1e-3) * field.grid().spacing().min_element(),
-        reference: field.grid().reference_length(),
-    };
-    let camera_to_world = camera.world_to_camera.inverse();
-    let eye = camera_to_world.transform_point3(DVec3::ZERO);
-    let pixels = (0..camera.width * camera.height)
-        .into_par_iter()
-        .map(|i| {
-            let x = ((i % camera.width) as f64 + 0.5 - camera.center[0]) / camera.focal[0];
-            let y = ((i / camera.width) as f64 + 0.5 - camera.center[1]) / camera.focal[1];
-            let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
-            let (color, transmittance) = marcher.ray(eye, direction);
-            let c = color + background * transmittance as f32;
-            [c.x, c.y, c.z, 1.0 - transmittance as f32]
-        })
-        .collect();
-    Image { width: camera.width, height: camera.height, pixels }
+    RayMarcher::new(field, classifier.clone(), step).picture(camera, lighting, background)
 }
 
-struct RayMarcher<'a> {
+/// A volume under a transfer function, ready for any number of pictures.
+pub struct RayMarcher<'a> {
     field: &'a Field,
-    classifier: &'a Classifier,
-    lighting: Lighting,
+    classifier: Classifier,
+    blocks: VisibleBlocks,
     step: f64,
     reference: f64,
 }
 
-impl RayMarcher<'_> {
+impl<'a> RayMarcher<'a> {
+    /// Finds the blocks of the volume in which the transfer function shows something. `step` is as for [`render`].
+    #[must_use]
+    pub fn new(field: &'a Field, classifier: Classifier, step: f64) -> Self {
+        Self {
+            field,
+            blocks: VisibleBlocks::of(field, &classifier),
+            classifier,
+            step: step.max(1e-3) * field.grid().spacing().min_element(),
+            reference: field.grid().reference_length(),
+        }
+    }
+
+    /// Marches a ray through each pixel.
+    #[must_use]
+    pub fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
+        let camera_to_world = camera.world_to_camera.inverse();
+        let eye = camera_to_world.transform_point3(DVec3::ZERO);
+        let pixels = (0..camera.width * camera.height)
+            .into_par_iter()
+            .map(|i| {
+                let x = ((i % camera.width) as f64 + 0.5 - camera.center[0]) / camera.focal[0];
+                let y = ((i / camera.width) as f64 + 0.5 - camera.center[1]) / camera.focal[1];
+                let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
+                let (color, transmittance) = self.ray(eye, direction, lighting);
+                let c = color + background * transmittance as f32;
+                [c.x, c.y, c.z, 1.0 - transmittance as f32]
+            })
+            .collect();
+        Image { width: camera.width, height: camera.height, pixels }
+    }
+
     /// Premultiplied colour and transmittance along a ray of unit direction.
-    fn ray(&self, eye: DVec3, direction: DVec3) -> (Vec3, f64) {
+    fn ray(&self, eye: DVec3, direction: DVec3, lighting: Lighting) -> (Vec3, f64) {
         let grid = self.field.grid();
         let (start, along) = (grid.to_voxel(eye), grid.vector_to_voxel(direction));
         let high = DVec3::from_array(grid.dims().map(|d| d as f64 - 0.5));
@@ -109,17 +135,24 @@ impl RayMarcher<'_> {
         let steps = ((far - near) / self.step).ceil();
         let mut color = Vec3::ZERO;
         let mut transmittance = 1.0_f64;
-        for k in 0..steps as u64 {
-            let from = near + k as f64 * self.step;
+        let mut next = 0.0;
+        while next < steps {
+            let from = near + next * self.step;
             let length = self.step.min(far - from);
             let at = start + along * (from + 0.5 * length);
+            next += 1.0;
+            if let Some(ahead) = self.blocks.way_out(at, along) {
+                // Samples stay where they were, so the picture is the same to the last bit.
+                next += (ahead / self.step - 1.0).floor().max(0.0);
+                continue;
+            }
             let Some(value) = self.field.sample(at) else { continue };
             let (sample, opacity) = self.classifier.evaluate(value);
             if opacity <= 0.0 {
                 continue;
             }
             let alpha = correct_opacity(f64::from(opacity), length, self.reference);
-            color += (transmittance * alpha) as f32 * self.shade(sample, at, direction);
+            color += (transmittance * alpha) as f32 * self.shade(sample, at, direction, lighting);
             transmittance *= 1.0 - alpha;
             if transmittance < 1e-5 {
                 break;
@@ -128,13 +161,20 @@ impl RayMarcher<'_> {
         (color, transmittance)
     }
 
-    fn shade(&self, color: Vec3, at: DVec3, direction: DVec3) -> Vec3 {
-        let Lighting::Headlight { ambient, diffuse, specular, shininess } = self.lighting else { return color };
+    fn shade(&self, color: Vec3, at: DVec3, direction: DVec3, lighting: Lighting) -> Vec3 {
+        let Lighting::Lit(material, illumination) = lighting else { return color };
         let normal = -self.field.gradient(at).normalize_or_zero();
-        // The light is at the eye, so l, v and h are equal.
-        let facing = normal.dot(-direction.as_vec3()).max(0.0);
-        let shine = if facing > 0.0 { specular * facing.powf(shininess) } else { 0.0 };
-        (color * (ambient + diffuse * facing) + shine).clamp(Vec3::ZERO, Vec3::ONE)
+        let to_eye = -direction.as_vec3();
+        let (to_light, half) = match illumination {
+            Illumination::Headlight => (to_eye, to_eye),
+            Illumination::Direction(direction) => {
+                let to_light = direction.normalize_or_zero();
+                (to_light, (to_light + to_eye).normalize_or_zero())
+            }
+        };
+        let (facing, shine) = (normal.dot(to_light).max(0.0), normal.dot(half));
+        let highlight = if shine > 0.0 { material.specular * shine.powf(material.shininess) } else { 0.0 };
+        (color * (material.ambient + material.diffuse * facing) + highlight).clamp(Vec3::ZERO, Vec3::ONE)
     }
 }
 
@@ -157,6 +197,8 @@ fn intersect_box(start: DVec3, along: DVec3, low: DVec3, high: DVec3) -> Option<
 
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+
     use super::*;
     use crate::grid::Grid;
     use crate::transfer::{ControlPoint, Scale, TransferFunction, Units};
@@ -191,6 +233,67 @@ mod tests {
             let p = render(&field, &classifier, &axis_camera(), Lighting::Unlit, Vec3::ZERO, step).pixels[0];
             assert!((f64::from(p[3]) - want).abs() < 1e-5, "step {step}: {} {want}", p[3]);
             assert!((p[0] - p[3]).abs() < 1e-5 && (p[1] - 0.5 * p[3]).abs() < 1e-5 && p[2] == 0.0);
+        }
+    }
+
+    #[test]
+    fn skipping_empty_blocks_changes_no_bit() {
+        use crate::phantom::{VesselTree, transfer_function};
+
+        let field = VesselTree::new().rasterize(48, 1).unwrap().volume().unwrap().to_field();
+        let classifier = transfer_function().classifier(field.range()).unwrap();
+        let mut marcher = RayMarcher::new(&field, classifier, 0.5);
+        let bounds = field.grid().bounds();
+        let middle = 0.5 * (bounds.min + bounds.max);
+        for (turn, away) in [(0.3, 1.6), (2.0, 0.2), (4.0, 3.0)] {
+            let out = DVec3::new(f64::cos(turn), f64::sin(turn), 0.4) * away * (bounds.max - bounds.min).max_element();
+            let ahead = -out.normalize();
+            let right = ahead.cross(DVec3::Z).normalize();
+            let axes = DMat3::from_cols(right, ahead.cross(right), ahead).transpose();
+            let world_to_camera = DMat4::from_mat3(axes) * DMat4::from_translation(-middle - out);
+            let camera = Pinhole { width: 40, height: 30, focal: [40.0; 2], center: [20.0, 15.0], world_to_camera };
+            let material = Material { ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 9.0 };
+            for illumination in [Illumination::Headlight, Illumination::Direction(Vec3::new(1.0, 2.0, 3.0))] {
+                let lighting = Lighting::Lit(material, illumination);
+                let skipped = marcher.picture(&camera, lighting, Vec3::ONE);
+                let skipping = std::mem::replace(&mut marcher.blocks, VisibleBlocks::all(&field));
+                let whole = marcher.picture(&camera, lighting, Vec3::ONE);
+                marcher.blocks = skipping;
+                assert_eq!(skipped, whole);
+                assert!(whole.pixels.iter().any(|p| p[3] > 0.5), "nothing to see");
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_beside_the_eye_is_that_of_the_formula() {
+        // A sphere's edge by distance; each sample of one value has the normal of its place.
+        let grid = Grid::unit([32, 32, 32]).unwrap();
+        let distance = |i: usize| (grid.voxel(i).as_dvec3() - 15.5).length();
+        let values: Vec<f32> = (0..grid.len()).map(|i| 40.0 - distance(i) as f32).collect();
+        let field = Volume::new(grid.clone(), values.into(), None).unwrap().to_field();
+        let f = TransferFunction {
+            domain: [0.0, 60.0],
+            units: Units::Raw,
+            scale: Scale::Linear,
+            variable: None,
+            points: vec![
+                ControlPoint { value: 28.0, color: [1.0, 0.5, 0.25], opacity: 0.0 },
+                ControlPoint { value: 28.1, color: [1.0, 0.5, 0.25], opacity: 1.0 },
+            ],
+            base_units: Vec::new(),
+        };
+        let classifier = f.classifier(field.range()).unwrap();
+        let material = Material { ambient: 0.2, diffuse: 0.5, specular: 0.3, shininess: 4.0 };
+        let world_to_camera = DMat4::from_translation(DVec3::new(-15.5, -15.5, 1000.0));
+        let camera = Pinhole { width: 1, height: 1, focal: [1.0; 2], center: [0.5; 2], world_to_camera };
+        // The middle ray meets the surface at the normal −z, towards the eye. The light is 60° from it.
+        let light = Vec3::new(0.75_f32.sqrt(), 0.0, -0.5);
+        let marcher = RayMarcher::new(&field, classifier, 0.1);
+        let p = marcher.picture(&camera, Lighting::Lit(material, Illumination::Direction(light)), Vec3::ZERO).pixels[0];
+        let shine = 0.3 * 30.0_f32.to_radians().cos().powi(4);
+        for (got, color) in p.into_iter().zip([1.0, 0.5, 0.25]) {
+            assert!((got - (0.45 * color + shine)).abs() < 0.01, "{p:?}");
         }
     }
 

@@ -34,6 +34,7 @@ pub mod phantom;
 pub mod read;
 pub mod scalars;
 pub mod transfer;
+mod visible_blocks;
 pub mod volume;
 pub mod world_frame;
 
