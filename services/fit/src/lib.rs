@@ -24,6 +24,7 @@ pub mod labels;
 pub mod orientation;
 mod placement;
 mod shape;
+pub mod training;
 mod visibility;
 
 pub use direct::{DirectError, DirectStart, Options, Progress, Report, direct_start};

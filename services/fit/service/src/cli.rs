@@ -11,22 +11,27 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
 use sg_fit::labels::labels_of;
-use sg_fit::{Options, Progress, Report, direct_start, orientation_of};
-use sg_formats::{check_scene_target, npy, staged_file};
+use sg_fit::training::TrainingReport;
+use sg_fit::{DirectStart, Options, Progress, Report, direct_start, orientation_of};
+use sg_formats::load::{LoadOptions, load};
+use sg_formats::{check_scene_target, staged_file};
 use sg_input::number_format::grouped;
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_scene::model::Scene;
-use sg_volume::phantom::{self, VesselTree};
 use sg_volume::{
-    TransferFunction, Volume, automatic_transfer_function, formats_help, lacks_spacing, raw_file_name, read_volume,
-    write_volume,
+    Field, TransferFunction, Volume, automatic_transfer_function, formats_help, lacks_spacing, read_volume,
 };
 
+use crate::failure::{Failure, input, work};
 use crate::kept_scenes::{self, KeptScene, KeptScenes};
+use crate::output::{make_folder, write, write_truth};
 use crate::own_rights::{Files, MadeFolders, keep_only};
+use crate::phantom;
+use crate::training_run::TrainingArgs;
 
-const EXAMPLE: &str = "Example:
+const EXAMPLE: &str = "Examples:
+  supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --gaussians 20000 --out bonsai
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
 
 /// Converts a volume to an editable scene of Gaussians: `DIR/scene.toml` and one PLY file per base unit.
@@ -65,6 +70,12 @@ struct FitArgs {
     /// Place Gaussians directly from the volume, without training.
     #[arg(long)]
     initial_only: bool,
+    /// Scene of the same volume to train further, in place of a direct start: the `scene.toml` of an earlier run, or of the step
+    /// before in a series.
+    #[arg(long, value_name = "scene.toml", conflicts_with_all = ["initial_only", "gaussians", "flattening"])]
+    start: Option<PathBuf>,
+    #[command(flatten)]
+    training: TrainingArgs,
     /// Write each step as a line `progress DONE OF STEP` to standard error.
     #[arg(long, hide = true)]
     progress_lines: bool,
@@ -151,22 +162,6 @@ fn read(path: &Path, spacing: Option<DVec3>) -> Result<Volume, Failure> {
     }
 }
 
-/// A failure with its exit status: 1 for failed work, 2 for wrong input.
-struct Failure {
-    status: u8,
-    message: String,
-}
-
-#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
-fn input(e: impl ToString) -> Failure {
-    Failure { status: 2, message: e.to_string() }
-}
-
-#[allow(clippy::needless_pass_by_value, reason = "handed to map_err")]
-fn work(e: impl ToString) -> Failure {
-    Failure { status: 1, message: e.to_string() }
-}
-
 /// Runs the command with the arguments of this process.
 pub(crate) fn run() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -179,7 +174,7 @@ pub(crate) fn run() -> ExitCode {
         Err(help) => help.exit(),
     };
     let result = match cli.command {
-        Some(Command::Phantom { out, size, seed }) => make_phantom(&out, usize::from(size), seed, cli.json),
+        Some(Command::Phantom { out, size, seed }) => phantom::make(&out, usize::from(size), seed, cli.json),
         None => fit(&cli.fit, cli.json),
     };
     match result {
@@ -204,15 +199,17 @@ struct FitReport<'a> {
     read_seconds: f64,
     write_seconds: f64,
     #[serde(flatten)]
-    direct: &'a Report,
+    direct: Option<&'a Report>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    training: Option<&'a TrainingReport>,
 }
 
 fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let (Some(path), Some(place)) = (&args.volume, args.out.as_ref().or(args.keep_in.as_ref())) else {
         return Err(input("a volume and --out DIR are required; see --help"));
     };
-    if !args.initial_only {
-        return Err(input("training is not available; add --initial-only for the direct start"));
+    if args.keep_in.is_some() && !args.initial_only {
+        return Err(input("--keep-in keeps direct starts; add --initial-only, or give --out for a training"));
     }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
@@ -247,8 +244,89 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None => None,
     };
     check_outputs(args)?;
+    let (mut scene, direct) = match &args.start {
+        Some(start) => (earlier_scene(start, &function)?, None),
+        None => {
+            let start = start_directly(args, path, &field, &function, &options)?;
+            (start.scene, Some(start.report))
+        }
+    };
+    scene.orientation = orientation;
+    let trained = if args.initial_only {
+        None
+    } else {
+        let classifier = function.classifier(field.range()).map_err(|e| input(format!("{}: {e}", path.display())))?;
+        let trained = args.training.run(&mut scene, (&field, &classifier), args.seed, args.progress_lines);
+        Some(trained.map_err(|e| work(format!("{}: {e}", path.display())))?)
+    };
+    // Labels come before any output, so a wrong label volume leaves no partial result.
+    let truth = labels
+        .map(|l| labels_of(&scene, &l))
+        .transpose()
+        .map_err(|e| input(format!("{}: {e}", args.labels.as_deref().unwrap_or(path).display())))?;
+
+    let clock = Instant::now();
+    let given = args.transfer_function.as_deref();
+    let (scene_file, mut files) = match &keeping {
+        None => (place.join("scene.toml"), write_scene(place, &mut scene, given, &function)?),
+        Some((kept, key)) => {
+            let fail = |e: io::Error| work(format!("{}: {e}; give a writable folder", place.display()));
+            let staged = kept.stage(path).map_err(fail)?;
+            let written = write_scene(&staged.folder, &mut scene, given, &function)?;
+            let scene_file = kept.keep(staged, key).map_err(fail)?;
+            let beside = |file: &PathBuf| file.file_name().map(|name| scene_file.with_file_name(name));
+            let files = written.iter().filter_map(beside).collect();
+            (scene_file, files)
+        }
+    };
+    if let (Some(truth), Some(file)) = (truth, &args.out_truth) {
+        write_truth(file, &truth, args.truth_value)?;
+        files.push(file.clone());
+    }
+    let report = FitReport {
+        volume: path,
+        scene: &scene_file,
+        dims: field.grid().dims(),
+        scalar_type: volume.scalars().scalar_type().name(),
+        transfer_function: args.transfer_function.as_deref(),
+        files,
+        read_seconds,
+        write_seconds: clock.elapsed().as_secs_f64(),
+        direct: direct.as_ref(),
+        training: trained.as_ref(),
+    };
+    let text = serde_json::to_string_pretty(&report).map_err(work)? + "\n";
+    if let Some(file) = &args.report {
+        write(file, text.as_bytes())?;
+    }
+    if json {
+        print::result(&text).map_err(work)?;
+    } else {
+        let units = scene.units.len();
+        let made = direct.map_or_else(String::new, |direct| format!(" in {:.1} s", direct.seconds.total));
+        print_line(&format!(
+            "{}: {} Gaussians in {units} base unit{}{made}",
+            scene_file.display(),
+            grouped(scene.len() as u64),
+            if units == 1 { "" } else { "s" },
+        ));
+        if let Some(trained) = &trained {
+            print_line(&training_line(trained));
+        }
+    }
+    Ok(())
+}
+
+/// The direct start, with its progress and its notes.
+fn start_directly(
+    args: &FitArgs,
+    path: &Path,
+    field: &Field,
+    function: &TransferFunction,
+    options: &Options,
+) -> Result<DirectStart, Failure> {
     let bar = progress_bar();
-    let result = direct_start(&field, &function, &options, |p| {
+    let result = direct_start(field, function, options, |p| {
         if args.progress_lines {
             print_line(&format!("progress {} {} {}", p.done, p.of, p.stage));
         } else {
@@ -256,8 +334,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         }
     });
     bar.finish_and_clear();
-    let mut start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
-    start.scene.orientation = orientation;
+    let start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
     for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
         print_line(&format!("note: base unit `{}` has no visible voxel; its file contains no Gaussian", unit.name));
     }
@@ -267,59 +344,37 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
             "note: {outside} visible voxels are outside the ranges of all base units; they went to the nearest unit"
         ));
     }
-    // Labels come before any output, so a wrong label volume leaves no partial result.
-    let truth = labels
-        .map(|l| labels_of(&start.scene, &l))
-        .transpose()
-        .map_err(|e| input(format!("{}: {e}", args.labels.as_deref().unwrap_or(path).display())))?;
+    Ok(start)
+}
 
-    let clock = Instant::now();
-    let given = args.transfer_function.as_deref();
-    let (scene, mut files) = match &keeping {
-        None => (place.join("scene.toml"), write_scene(place, &mut start.scene, given, &function)?),
-        Some((kept, key)) => {
-            let fail = |e: io::Error| work(format!("{}: {e}; give a writable folder", place.display()));
-            let staged = kept.stage(path).map_err(fail)?;
-            let written = write_scene(&staged.folder, &mut start.scene, given, &function)?;
-            let scene = kept.keep(staged, key).map_err(fail)?;
-            let beside = |file: &PathBuf| file.file_name().map(|name| scene.with_file_name(name));
-            let files = written.iter().filter_map(beside).collect();
-            (scene, files)
+/// The scene of an earlier run, for further training under a transfer function.
+fn earlier_scene(file: &Path, function: &TransferFunction) -> Result<Scene, Failure> {
+    let scene = load(file, &LoadOptions::default()).map_err(input)?.scene;
+    let (found, expected) = (scene.units.len(), function.base_units.len().max(1));
+    let named = scene.units.iter().zip(&function.base_units).find(|(unit, range)| unit.name != range.name);
+    let problem = match named {
+        _ if found != expected => {
+            let plural = if found == 1 { "" } else { "s" };
+            format!("{found} base unit{plural}, but the transfer function has {expected}")
         }
+        Some((unit, range)) => {
+            format!("base unit `{}` in the place of `{}` of the transfer function", unit.name, range.name)
+        }
+        None => return Ok(scene),
     };
-    if let (Some(truth), Some(file)) = (truth, &args.out_truth) {
-        write_truth(file, &truth, args.truth_value)?;
-        files.push(file.clone());
-    }
-    let report = FitReport {
-        volume: path,
-        scene: &scene,
-        dims: field.grid().dims(),
-        scalar_type: volume.scalars().scalar_type().name(),
-        transfer_function: args.transfer_function.as_deref(),
-        files,
-        read_seconds,
-        write_seconds: clock.elapsed().as_secs_f64(),
-        direct: &start.report,
-    };
-    let text = serde_json::to_string_pretty(&report).map_err(work)? + "\n";
-    if let Some(file) = &args.report {
-        write(file, text.as_bytes())?;
-    }
-    if json {
-        print::result(&text).map_err(work)?;
-    } else {
-        let r = &start.report;
-        print_line(&format!(
-            "{}: {} Gaussians in {} base unit{} in {:.1} s",
-            scene.display(),
-            grouped(r.gaussians as u64),
-            r.units.len(),
-            if r.units.len() == 1 { "" } else { "s" },
-            r.seconds.total
-        ));
-    }
-    Ok(())
+    Err(input(format!("{}: {problem}; give a scene of this transfer function", file.display())))
+}
+
+/// What a training has reached.
+fn training_line(trained: &TrainingReport) -> String {
+    let TrainingReport { iterations, seconds, held_out, result, measurements, .. } = trained;
+    let before = measurements.first().map_or(f64::NAN, |first| first.footprint_psnr_db);
+    format!(
+        "trained in {seconds:.1} s, {} steps: {before:.1} dB before, {:.1} dB now, on {held_out} held-out picture{}",
+        grouped(*iterations as u64),
+        result.footprint_psnr_db,
+        if *held_out == 1 { "" } else { "s" }
+    )
 }
 
 /// Gives up all rights but those on the files of this run.
@@ -327,6 +382,7 @@ fn confine(args: &FitArgs, volume: &Path, place: &Path) -> Result<MadeFolders, F
     let files = Files {
         volumes: std::iter::once(volume).chain(args.labels.as_deref()).collect(),
         inputs: args.transfer_function.as_deref().into_iter().collect(),
+        scene: args.start.as_deref(),
         folder: Some(place),
         private: args.keep_in.is_some(),
         outputs: args.out_truth.as_deref().into_iter().chain(args.report.as_deref()).collect(),
@@ -355,7 +411,7 @@ fn check_outputs(args: &FitArgs) -> Result<(), Failure> {
         })?;
     }
     // The scene keeps the unchanged transfer function, so its own file may be the input.
-    let inputs = [args.volume.as_deref(), args.labels.as_deref()];
+    let inputs = [args.volume.as_deref(), args.labels.as_deref(), args.start.as_deref()];
     let function = args.out.as_deref().map(|out| function_file(out, args.transfer_function.as_deref()));
     let outputs = [function.as_deref(), args.out_truth.as_deref(), args.report.as_deref()];
     staged_file::check_outputs(outputs.into_iter().flatten(), inputs.into_iter().flatten()).map_err(input)
@@ -392,82 +448,6 @@ fn write_scene(
         print_line(&format!("note: {}", warning.message));
     }
     Ok(saved.files.into_iter().chain([target]).collect())
-}
-
-fn write_truth(file: &Path, labels: &[i32], value: Option<i32>) -> Result<(), Failure> {
-    match value {
-        None => npy::write_array(file, &[labels.len()], labels),
-        Some(value) => {
-            let mask: Vec<u8> = labels.iter().map(|&l| u8::from(l == value)).collect();
-            npy::write_array(file, &[mask.len()], &mask)
-        }
-    }
-    .map_err(work)
-}
-
-/// Ground truth of the synthetic volume, in normalized coordinates of its box and in voxels.
-#[derive(Serialize)]
-struct PhantomGroundTruth {
-    volume: String,
-    labels: String,
-    transfer_function: String,
-    label_sac: u8,
-    label_vessel: u8,
-    sac_center: [f64; 3],
-    sac_radius: f64,
-    parent_point: [f64; 3],
-    parent_radius: f64,
-    parent_axis: Vec<[f64; 3]>,
-    sac_center_voxels: [f64; 3],
-    sac_radius_voxels: f64,
-}
-
-fn make_phantom(out: &Path, size: usize, seed: u64, json: bool) -> Result<(), Failure> {
-    let tree = VesselTree::new();
-    let raster = tree.rasterize(size, seed).map_err(input)?;
-    let (volume, labels) = (raster.volume().map_err(work)?, raster.labels().map_err(work)?);
-    make_folder(out)?;
-    let truth = PhantomGroundTruth {
-        volume: raw_file_name("phantom", &volume),
-        labels: raw_file_name("phantom_labels", &labels),
-        transfer_function: "phantom.tf.json".to_owned(),
-        label_sac: phantom::LABEL_SAC,
-        label_vessel: phantom::LABEL_VESSEL,
-        sac_center: tree.sac_center().to_array(),
-        sac_radius: tree.sac_radius(),
-        parent_point: tree.parent_point().to_array(),
-        parent_radius: tree.parent_radius(),
-        parent_axis: tree.parent_axis().iter().map(DVec3::to_array).collect(),
-        sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
-        sac_radius_voxels: tree.sac_radius() * size as f64,
-    };
-    save_volume(&out.join(&truth.volume), &volume)?;
-    save_volume(&out.join(&truth.labels), &labels)?;
-    let function = phantom::transfer_function().to_json().map_err(work)?;
-    write(&out.join(&truth.transfer_function), function.as_bytes())?;
-    let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
-    write(&out.join("truth.json"), text.as_bytes())?;
-    if json {
-        print::result(&text).map_err(work)?;
-    } else {
-        print_line(&format!("{}: {size} x {size} x {size} voxels", out.join(&truth.volume).display()));
-    }
-    Ok(())
-}
-
-fn save_volume(target: &Path, volume: &Volume) -> Result<(), Failure> {
-    let failed = |e: io::Error| work(format!("{}: {e}; nothing was written", target.display()));
-    let mut file = staged_file::StagedFile::create(target).map_err(failed)?;
-    write_volume(target, volume, &mut file).map_err(|e| work(format!("{e}; nothing was written")))?;
-    file.commit().map_err(failed).map(|_| ())
-}
-
-fn write(target: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    staged_file::replace(target, bytes).map_err(|e| work(format!("{}: {e}; nothing was written", target.display())))
-}
-
-fn make_folder(out: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(out).map_err(|e| work(format!("{}: {e}; give a writable folder", out.display())))
 }
 
 /// A progress bar on standard error; it draws only to a terminal.

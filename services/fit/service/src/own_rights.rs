@@ -17,7 +17,9 @@ pub(crate) struct Files<'a> {
     pub(crate) volumes: Vec<&'a Path>,
     /// Other files to read.
     pub(crate) inputs: Vec<&'a Path>,
-    /// Folder of the scene; made here, because the process may not make it later.
+    /// A scene to read, with the files beside it that it names.
+    pub(crate) scene: Option<&'a Path>,
+    /// Folder of the new scene; made here, because the process may not make it later.
     pub(crate) folder: Option<&'a Path>,
     /// Whether a folder that is made is for this user alone.
     pub(crate) private: bool,
@@ -50,6 +52,7 @@ pub(crate) fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
     rights.read.extend(files.inputs.iter().chain(&files.volumes).map(|path| path.to_path_buf()));
     let headers = files.volumes.iter().filter(|volume| sg_volume::reads_beside(volume));
     rights.read.extend(headers.map(|header| folder_of(header)));
+    rights.read.extend(files.scene.map(folder_of));
     rights.write.extend(files.outputs.iter().map(|output| folder_of(output)));
     let mut made = MadeFolders::default();
     if let Some(folder) = files.folder {

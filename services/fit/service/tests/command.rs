@@ -163,6 +163,73 @@ fn the_same_seed_gives_the_same_bytes() {
 }
 
 #[test]
+fn training_makes_the_scene_better_and_repeats_with_its_steps() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "32"]);
+    let train = |out: &str| {
+        let volume = ["made/phantom_32x32x32_uint8.raw", "--transfer-function", "made/phantom.tf.json"];
+        let how = ["--gaussians", "600", "--views", "16", "--view-size", "64", "--iterations", "110,10", "--json"];
+        json(&ok(d, &[&volume[..], &how, &["--out", out]].concat()).stdout)
+    };
+    let report = train("a");
+    let training = &report["training"];
+    assert_eq!(
+        (&training["views"], &training["held_out"], &training["iterations"]),
+        (&16.into(), &2.into(), &120.into())
+    );
+    let decibels = |measurement: &Value| measurement["footprint_psnr_db"].as_f64().unwrap();
+    let before = decibels(&training["measurements"][0]);
+    assert!(decibels(&training["result"]) > before + 1.0, "{training}");
+    train("b");
+    let read = |folder: &str| std::fs::read(d.join(folder).join("vessels.ply")).unwrap();
+    assert_eq!(read("a"), read("b"));
+
+    // Training goes on from a scene, in another folder.
+    let base = ["made/phantom_32x32x32_uint8.raw", "--transfer-function", "made/phantom.tf.json"];
+    let how = ["--start", "a/scene.toml", "--views", "16", "--view-size", "64", "--iterations", "40", "--json"];
+    let further = json(&ok(d, &[&base[..], &how, &["--out", "further"]].concat()).stdout);
+    let first = decibels(&further["training"]["measurements"][0]);
+    assert!((first - decibels(&training["result"])).abs() < 0.01, "{further}");
+    assert!(decibels(&further["training"]["result"]) >= first);
+    std::fs::write(
+        d.join("two.tf.json"),
+        br#"{"domain":[0,255],"points":[{"value":9,"color":[1,1,1],"opacity":0.5}],
+        "base_units":[{"name":"a","range":[0,99]},{"name":"b","range":[99,255]}]}"#,
+    )
+    .unwrap();
+    let two = [base[0], "--transfer-function", "two.tf.json"];
+    for (function, part) in
+        [(&two[..], "scene.toml: 1 base unit,"), (&base[..1], "`vessels` in the place of `material`")]
+    {
+        let refused = fit(d, &[function, &["--start", "a/scene.toml", "--out", "none"]].concat());
+        let error = String::from_utf8(refused.stderr).unwrap();
+        assert!(refused.status.code() == Some(2) && error.contains(part), "{error}");
+    }
+    let line = String::from_utf8(
+        ok(
+            d,
+            &[
+                "made/phantom_32x32x32_uint8.raw",
+                "--gaussians",
+                "200",
+                "--views",
+                "8",
+                "--view-size",
+                "32",
+                "--seconds",
+                "0.2",
+                "--out",
+                "c",
+            ],
+        )
+        .stderr,
+    )
+    .unwrap();
+    assert!(line.contains("dB before") && line.contains("on 1 held-out picture"), "{line}");
+}
+
+#[test]
 fn wrong_input_ends_with_status_2_and_one_line() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
@@ -179,7 +246,6 @@ fn wrong_input_ends_with_status_2_and_one_line() {
     let base = |volume: &'static str| vec![volume, "--initial-only", "--out", "out"];
     let with = |more: &[&'static str]| [base("made/phantom_16x16x16_uint8.raw"), more.to_vec()].concat();
     let cases: Vec<(Vec<&str>, &[&str])> = vec![
-        (vec![volume, "--out", "out"], &["--initial-only"]),
         (base("absent_1x1x1_uint8.raw"), &["absent_1x1x1_uint8.raw"]),
         (base("cut_16x16x16_uint8.raw"), &["cut_16x16x16", "expected 4096 bytes", "found 4000"]),
         (base("flat_4x4x4_uint8.raw"), &["every voxel has the value 7", "transfer function"]),
@@ -208,6 +274,15 @@ fn wrong_input_ends_with_status_2_and_one_line() {
     for arguments in [
         vec![],
         vec!["--initial-only"],
+        with(&["--iterations", "5"]),
+        with(&["--target-psnr", "30"]),
+        vec![volume, "--out", "out", "--seconds", "0"],
+        vec![volume, "--out", "out", "--iterations", "0"],
+        vec![volume, "--out", "out", "--iterations", "5,x"],
+        vec![volume, "--out", "out", "--iterations", "5,1,2"],
+        vec![volume, "--out", "out", "--seconds", "1", "--iterations", "5"],
+        vec![volume, "--keep-in", "kept", "--iterations", "5"],
+        with(&["--start", "scene.toml"]),
         with(&["--gaussians", "0"]),
         with(&["--flattening", "2"]),
         with(&["--labels", volume]),
@@ -297,7 +372,7 @@ fn the_scene_file_tells_the_orientation_of_its_volume() {
 fn help_shows_an_example() {
     for arguments in [vec!["--help"], vec!["phantom", "--help"]] {
         let output = ok(Path::new("."), &arguments);
-        assert!(String::from_utf8_lossy(&output.stdout).contains("Example:\n  supergaussian fit "));
+        assert!(String::from_utf8_lossy(&output.stdout).contains(":\n  supergaussian fit "));
     }
     let help = String::from_utf8_lossy(&ok(Path::new("."), &["--help"]).stdout).into_owned();
     assert!(sg_volume::ENDINGS.iter().all(|ending| help.contains(ending)), "{help}");
