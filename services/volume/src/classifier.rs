@@ -26,7 +26,7 @@ impl TransferFunction {
             knots: self.points.iter().map(|p| self.scale.apply(p.value)).collect(),
             samples: self.points.iter().map(|p| (Vec3::from_array(p.color), p.opacity)).collect(),
             units: self.base_units.iter().map(|u| u.range.map(|x| self.scale.apply(self.clamp(x)))).collect(),
-            only: None,
+            factors: Vec::new(),
         })
     }
 
@@ -46,8 +46,8 @@ pub struct Classifier {
     knots: Vec<f64>,
     samples: Vec<(Vec3, f32)>,
     units: Vec<[f64; 2]>,
-    /// The one base unit that is shown.
-    only: Option<usize>,
+    /// Factors on the opacity of each base unit; those that are missing are 1.
+    factors: Vec<f32>,
 }
 
 /// The base unit of a value.
@@ -63,11 +63,17 @@ impl Classifier {
     /// The same function with opacity 0 for all values of other base units.
     #[must_use]
     pub fn only(&self, unit: usize) -> Self {
-        Self { only: Some(unit), ..self.clone() }
+        self.with_opacities((0..self.unit_count()).map(|k| if k == unit { 1.0 } else { 0.0 }).collect())
     }
 
-    /// Whether some value between two raw values has an opacity above 0. Not to be missed, but it may say so of values of other
-    /// base units than [`Self::only`] shows.
+    /// The same function with these factors, 0 to 1, on the opacities of its base units, in order. Those that are missing are 1.
+    #[must_use]
+    pub fn with_opacities(&self, factors: Vec<f32>) -> Self {
+        Self { factors, ..self.clone() }
+    }
+
+    /// Whether some value between two raw values has an opacity above 0. It never misses one, but it may say so of values of
+    /// hidden base units.
     #[must_use]
     pub fn is_visible_between(&self, low: f64, high: f64) -> bool {
         // Between control points the opacity is linear, so it is 0 if it is 0 at all ends.
@@ -83,9 +89,22 @@ impl Classifier {
         if raw.is_nan() {
             return (Vec3::ZERO, 0.0);
         }
-        let (color, opacity) = self.at(self.scaled(raw));
-        let is_shown = opacity == 0.0 || self.only.is_none_or(|unit| self.unit(raw).unit == unit);
-        (color, if is_shown { opacity } else { 0.0 })
+        self.evaluate_scaled(self.scaled(raw))
+    }
+
+    /// As [`Self::evaluate`], of a value that [`Self::scaled`] gave.
+    pub(crate) fn evaluate_scaled(&self, x: f64) -> (Vec3, f32) {
+        let (color, opacity) = self.at(x);
+        if opacity == 0.0 || self.factors.is_empty() {
+            return (color, opacity);
+        }
+        let factor = self.factors.get(self.unit_of_scaled(x).unit).copied().unwrap_or(1.0);
+        (color, factor * opacity)
+    }
+
+    /// For a linear scale: the scaled value is (raw − the first)·the second, within the domain.
+    pub(crate) fn linear(&self) -> Option<(f64, f64)> {
+        matches!(self.scale, Scale::Linear).then_some((self.shift, self.factor))
     }
 
     /// Colour and opacity at a scaled value.
@@ -119,13 +138,16 @@ impl Classifier {
     /// values. A border of two units belongs to the unit that begins there. NaN gives the first unit, outside its range.
     #[must_use]
     pub fn unit(&self, raw: f64) -> BaseUnitMatch {
-        if self.units.is_empty() {
-            return BaseUnitMatch { unit: 0, inside: !raw.is_nan() };
-        }
         if raw.is_nan() {
             return BaseUnitMatch { unit: 0, inside: false };
         }
-        let x = self.scaled(raw);
+        self.unit_of_scaled(self.scaled(raw))
+    }
+
+    fn unit_of_scaled(&self, x: f64) -> BaseUnitMatch {
+        if self.units.is_empty() {
+            return BaseUnitMatch { unit: 0, inside: true };
+        }
         let mut best = (0, f64::INFINITY);
         for (i, &[low, high]) in self.units.iter().enumerate() {
             let distance = (low - x).max(x - high).max(0.0);
@@ -138,7 +160,8 @@ impl Classifier {
         BaseUnitMatch { unit: best.0, inside: best.1 == 0.0 }
     }
 
-    fn scaled(&self, raw: f64) -> f64 {
+    /// The value on the scale of the control points, within the domain.
+    pub(crate) fn scaled(&self, raw: f64) -> f64 {
         let x = (raw - self.shift) * self.factor;
         // An infinite value times a factor of 0 is NaN; clamp would pass it on.
         let x = if x.is_nan() { self.domain[0] } else { x };

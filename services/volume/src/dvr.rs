@@ -2,14 +2,29 @@
 //!
 //! The image is the reference for Gaussians of the same volume. Rays run front to back with post-classification. The step
 //! length corrects the opacities. A ray stops at a transmittance of 1e-5. It skips blocks of voxels without opacity.
+//! [`RayMarcher::picture`] is exact up to its step; [`RayMarcher::fast_picture`] is its fast twin.
+
+mod clip;
+mod fast;
+mod stencil;
 
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::classifier::Classifier;
+use crate::classifier_table::ClassifierTable;
 use crate::field::Field;
 use crate::opacity::correct_opacity;
 use crate::visible_blocks::VisibleBlocks;
+
+use clip::kept_parts;
+pub use clip::{ClipRegion, HalfSpace};
+use fast::FastMarcher;
+
+/// Transmittance at which a ray ends.
+const LEAST_TRANSMITTANCE: f64 = 1e-5;
+/// Edge of a tile in pixels.
+const TILE: usize = 8;
 
 /// A pinhole camera: x right, y down, z forward; the first pixel's centre at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq)]
@@ -87,63 +102,113 @@ pub fn render(
 pub struct RayMarcher<'a> {
     field: &'a Field,
     classifier: Classifier,
+    table: ClassifierTable,
     blocks: VisibleBlocks,
+    clips: Vec<ClipRegion>,
     step: f64,
     reference: f64,
+}
+
+/// A ray within the volume.
+#[derive(Clone, Copy)]
+struct Ray {
+    /// Its unit direction in the world.
+    direction: DVec3,
+    /// The eye, and the way of one unit of length, in voxel coordinates.
+    start: DVec3,
+    along: DVec3,
 }
 
 impl<'a> RayMarcher<'a> {
     /// Finds the blocks of the volume in which the transfer function shows something. `step` is as for [`render`].
     #[must_use]
     pub fn new(field: &'a Field, classifier: Classifier, step: f64) -> Self {
+        let step = step.max(1e-3) * field.grid().spacing().min_element();
+        let reference = field.grid().reference_length();
         Self {
             field,
             blocks: VisibleBlocks::of(field, &classifier),
+            table: ClassifierTable::new(&classifier, field, step, reference),
             classifier,
-            step: step.max(1e-3) * field.grid().spacing().min_element(),
-            reference: field.grid().reference_length(),
+            clips: Vec::new(),
+            step,
+            reference,
         }
     }
 
-    /// Marches a ray through each pixel.
+    /// Shows only what all these regions keep. Samples begin anew at each cut.
+    #[must_use]
+    pub fn clipped(self, clips: Vec<ClipRegion>) -> Self {
+        Self { clips, ..self }
+    }
+
+    /// Marches a ray through each pixel, in f64.
     #[must_use]
     pub fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
+        self.pixels(camera, background, |ray, near, far, seen| self.march(ray, (near, far), lighting, seen))
+    }
+
+    /// The same picture several times as fast, off by less than 1/255 almost everywhere. Samples have the same places. Their values
+    /// are in f32, colours and opacities come from a table, and a ray stops at a transmittance of 1/2000.
+    #[must_use]
+    pub fn fast_picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
+        let fast = FastMarcher::new(self, lighting);
+        self.pixels(camera, background, |ray, near, far, seen| fast.march(ray, (near, far), seen))
+    }
+
+    /// Calls `march` for the kept parts of each ray, from near to far.
+    fn pixels(&self, camera: &Pinhole, background: Vec3, march: impl Fn(&Ray, f64, f64, &mut Seen) + Sync) -> Image {
+        let grid = self.field.grid();
+        let high = DVec3::from_array(grid.dims().map(|d| d as f64 - 0.5));
         let camera_to_world = camera.world_to_camera.inverse();
         let eye = camera_to_world.transform_point3(DVec3::ZERO);
-        let pixels = (0..camera.width * camera.height)
-            .into_par_iter()
-            .map(|i| {
-                let x = ((i % camera.width) as f64 + 0.5 - camera.center[0]) / camera.focal[0];
-                let y = ((i / camera.width) as f64 + 0.5 - camera.center[1]) / camera.focal[1];
-                let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
-                let (color, transmittance) = self.ray(eye, direction, lighting);
-                let c = color + background * transmittance as f32;
-                [c.x, c.y, c.z, 1.0 - transmittance as f32]
-            })
-            .collect();
+        let start = grid.to_voxel(eye);
+        let pixel = |x: usize, y: usize| {
+            let x = (x as f64 + 0.5 - camera.center[0]) / camera.focal[0];
+            let y = (y as f64 + 0.5 - camera.center[1]) / camera.focal[1];
+            let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
+            let ray = Ray { direction, start, along: grid.vector_to_voxel(direction) };
+            let mut seen = Seen { color: Vec3::ZERO, transmittance: 1.0 };
+            if let Some((near, far)) = intersect_box(start, ray.along, DVec3::splat(-0.5), high) {
+                if self.clips.is_empty() {
+                    march(&ray, near, far, &mut seen);
+                } else {
+                    kept_parts(&self.clips, eye, direction, near, far)
+                        .for_each(|(near, far)| march(&ray, near, far, &mut seen));
+                }
+            }
+            let c = seen.color + background * seen.transmittance as f32;
+            [c.x, c.y, c.z, 1.0 - seen.transmittance as f32]
+        };
+        let width = camera.width.max(1);
+        let mut pixels = vec![[0.0; 4]; camera.width * camera.height];
+        // Tile by tile: neighbouring rays read the same voxels, which are then still in the cache.
+        pixels.par_chunks_mut(TILE * width).enumerate().for_each(|(band, rows)| {
+            for left in (0..width).step_by(TILE) {
+                for (row, pixels) in rows.chunks_mut(width).enumerate() {
+                    for (x, out) in pixels.iter_mut().enumerate().skip(left).take(TILE) {
+                        *out = pixel(x, TILE * band + row);
+                    }
+                }
+            }
+        });
         Image { width: camera.width, height: camera.height, pixels }
     }
 
-    /// Premultiplied colour and transmittance along a ray of unit direction.
-    fn ray(&self, eye: DVec3, direction: DVec3, lighting: Lighting) -> (Vec3, f64) {
-        let grid = self.field.grid();
-        let (start, along) = (grid.to_voxel(eye), grid.vector_to_voxel(direction));
-        let high = DVec3::from_array(grid.dims().map(|d| d as f64 - 0.5));
-        let Some((near, far)) = intersect_box(start, along, DVec3::splat(-0.5), high) else {
-            return (Vec3::ZERO, 1.0);
-        };
+    /// Adds the samples of one part of a ray.
+    fn march(&self, ray: &Ray, (near, far): (f64, f64), lighting: Lighting, seen: &mut Seen) {
+        let inverse = ray.along.recip();
         let steps = ((far - near) / self.step).ceil();
-        let mut color = Vec3::ZERO;
-        let mut transmittance = 1.0_f64;
         let mut next = 0.0;
-        while next < steps {
+        while next < steps && seen.transmittance >= LEAST_TRANSMITTANCE {
             let from = near + next * self.step;
             let length = self.step.min(far - from);
-            let at = start + along * (from + 0.5 * length);
+            let at = ray.start + ray.along * (from + 0.5 * length);
             next += 1.0;
-            if let Some(ahead) = self.blocks.way_out(at, along) {
+            let around = self.blocks.stretch(at);
+            if !around.is_visible {
                 // Samples stay where they were, so the picture is the same to the last bit.
-                next += (ahead / self.step - 1.0).floor().max(0.0);
+                next += (around.way_out(at, inverse) / self.step - 1.0).floor().max(0.0);
                 continue;
             }
             let Some(value) = self.field.sample(at) else { continue };
@@ -152,20 +217,32 @@ impl<'a> RayMarcher<'a> {
                 continue;
             }
             let alpha = correct_opacity(f64::from(opacity), length, self.reference);
-            color += (transmittance * alpha) as f32 * self.shade(sample, at, direction, lighting);
-            transmittance *= 1.0 - alpha;
-            if transmittance < 1e-5 {
-                break;
-            }
+            seen.color += (seen.transmittance * alpha) as f32 * self.shade(sample, at, ray.direction, lighting);
+            seen.transmittance *= 1.0 - alpha;
         }
-        (color, transmittance)
     }
 
     fn shade(&self, color: Vec3, at: DVec3, direction: DVec3, lighting: Lighting) -> Vec3 {
-        let Lighting::Lit(material, illumination) = lighting else { return color };
-        let normal = -self.field.gradient(at).normalize_or_zero();
-        let to_eye = -direction.as_vec3();
-        let (to_light, half) = match illumination {
+        match lighting {
+            Lighting::Unlit => color,
+            Lighting::Lit(material, light) => {
+                let normal = -self.field.gradient(at).normalize_or_zero();
+                material.shaded(color, normal, -direction.as_vec3(), light)
+            }
+        }
+    }
+}
+
+/// What a ray has met: premultiplied colour, and what of the light behind it remains.
+#[derive(Clone, Copy)]
+struct Seen {
+    color: Vec3,
+    transmittance: f64,
+}
+
+impl Material {
+    fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
+        let (to_light, half) = match light {
             Illumination::Headlight => (to_eye, to_eye),
             Illumination::Direction(direction) => {
                 let to_light = direction.normalize_or_zero();
@@ -173,8 +250,8 @@ impl<'a> RayMarcher<'a> {
             }
         };
         let (facing, shine) = (normal.dot(to_light).max(0.0), normal.dot(half));
-        let highlight = if shine > 0.0 { material.specular * shine.powf(material.shininess) } else { 0.0 };
-        (color * (material.ambient + material.diffuse * facing) + highlight).clamp(Vec3::ZERO, Vec3::ONE)
+        let highlight = if shine > 0.0 { self.specular * shine.powf(self.shininess) } else { 0.0 };
+        (color * (self.ambient + self.diffuse * facing) + highlight).clamp(Vec3::ZERO, Vec3::ONE)
     }
 }
 

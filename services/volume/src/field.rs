@@ -48,6 +48,11 @@ impl Field {
         self.range
     }
 
+    /// From differences per voxel to a gradient per world length.
+    pub(crate) fn gradient_to_world(&self) -> Mat3 {
+        self.gradient_to_world
+    }
+
     /// Raw value of voxel `index`; NaN past the end.
     #[must_use]
     pub fn raw(&self, index: usize) -> f64 {
@@ -62,7 +67,7 @@ impl Field {
     }
 
     /// As [`Field::sample`], without the offset.
-    fn stored(&self, voxel: DVec3) -> Option<f32> {
+    pub(crate) fn stored(&self, voxel: DVec3) -> Option<f32> {
         let dims = self.grid.dims();
         let axis = |x: f64, n: usize| -> Option<(usize, usize, f32)> {
             let last = n as f64 - 1.0;

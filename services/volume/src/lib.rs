@@ -25,6 +25,7 @@
 //! ```
 
 pub mod classifier;
+mod classifier_table;
 pub mod dvr;
 pub mod field;
 pub mod grid;
