@@ -1,7 +1,7 @@
 //! Training of Gaussians on pictures of a volume: quality over seconds, and edits against the same edits of the transfer
-//! function, for several volumes.
+//! function, for several volumes. Before that, the ray marching of these pictures: the marcher in f32 against its exact twin.
 //!
-//!     cargo bench --workspace --bench training -- --data ../shared/data/volumes --gaussians 20000 --seconds 60 --out training
+//!     cargo bench --workspace --bench training -- --data ../../shared/data/volumes --seconds 60 --out training
 //!
 //! Each volume has the transfer function of the demo (`launch/demo`). The synthetic volume needs no file. Held-out cameras are those
 //! of the seed, so they are the same for every run. Decibels are over the footprint: pixels that the volume or the
@@ -21,7 +21,9 @@ use std::time::Instant;
 use clap::Parser;
 use glam::{DVec3, Vec3};
 use plotters::prelude::{ChartBuilder, Color, LineSeries, PathElement, SeriesLabelPosition};
-use sg_fit::training::{Measurement, TrainingOptions, TrainingView, ViewOptions, march, train, volume_views};
+use sg_fit::training::{
+    Measurement, TrainingOptions, TrainingView, ViewOptions, fast_march, march, region, train, volume_views,
+};
 use sg_fit::{Options, direct_start};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
@@ -33,7 +35,7 @@ use sg_tests::plot::{BLUE, Drawn, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, sv
 use sg_volume::dvr::RayMarcher;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::transfer::ControlPoint;
-use sg_volume::{Field, TransferFunction, Volume, read_volume};
+use sg_volume::{Field, TransferFunction, read_volume};
 
 /// Volumes of the demo, and the synthetic one.
 const VOLUMES: [(&str, Option<&str>); 4] = [
@@ -64,10 +66,10 @@ struct Arguments {
     #[arg(long, default_value_t = 60.0)]
     seconds: f64,
     /// Pictures to train on.
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 96)]
     views: usize,
     /// Pixels along each edge of a picture.
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 512)]
     size: u32,
     /// Folder for `training.md`, `training.svg` and a strip of pictures for each volume: the volume, the direct start, the trained
     /// scene, and eight times the difference.
@@ -104,18 +106,22 @@ fn main() {
         "| volume | edit | dB: direct start | trained | trained, to the unedited picture |".to_owned(),
         "| --- | --- | --- | --- | --- |".to_owned(),
     ];
+    let mut marching = vec![
+        "| volume | exact, ms | f32, ms | RMS error | greatest error |".to_owned(),
+        "| --- | --- | --- | --- | --- |".to_owned(),
+    ];
     let mut courses = Vec::new();
     for (name, file) in VOLUMES {
         let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
         let Some((field, function)) = is_asked.then(|| volume(&arguments, name, file)).flatten() else { continue };
+        marching.push(marched(&arguments, name, &field, &function));
         courses.push(measured(&arguments, name, &field, &function, &mut lines, &mut edits));
     }
-    for line in lines.iter().chain(&edits) {
-        println!("{line}");
-    }
+    let tables = [marching, lines, edits].map(|lines| lines.join("\n")).join("\n\n");
+    println!("{tables}");
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out).unwrap();
-        std::fs::write(out.join("training.md"), format!("{}\n\n{}\n", lines.join("\n"), edits.join("\n"))).unwrap();
+        std::fs::write(out.join("training.md"), tables + "\n").unwrap();
         std::fs::write(out.join("training.svg"), svg((900, 420), |area| draw(area, &courses)).unwrap()).unwrap();
     }
 }
@@ -129,6 +135,33 @@ fn volume(arguments: &Arguments, name: &str, file: Option<&str>) -> Option<(Fiel
     let function = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../launch/demo/{name}.tf.json"));
     let function = TransferFunction::load(&function).unwrap().function;
     Some((read_volume(&path).unwrap_or_else(|e| panic!("{e}")).to_field(), function))
+}
+
+/// A row of ray marching: both marchers on the same cameras, in turn.
+fn marched(arguments: &Arguments, name: &str, field: &Field, function: &TransferFunction) -> String {
+    let classifier = function.classifier(field.range()).unwrap();
+    let of_views = ViewOptions { views: 0, held_out: 4, size: arguments.size, ..ViewOptions::default() };
+    let (_, views) = volume_views(field, &classifier, &of_views, |_, _| {});
+    let marcher = RayMarcher::new(field, classifier, 0.5);
+    let (mut seconds, mut squares, mut greatest, mut numbers) = ([0.0; 2], 0.0, 0.0_f64, 0);
+    for view in &views {
+        let mut pictures = [march, fast_march].into_iter().zip(&mut seconds).map(|(march, seconds)| {
+            let clock = Instant::now();
+            let picture = march(&marcher, &view.camera);
+            *seconds += clock.elapsed().as_secs_f64();
+            picture
+        });
+        let (exact, fast) = (pictures.next().unwrap(), pictures.next().unwrap());
+        for (a, b) in exact.rgba.iter().zip(&fast.rgba) {
+            let error = f64::from((a - b).abs());
+            squares += error * error;
+            greatest = greatest.max(error);
+            numbers += 1;
+        }
+    }
+    let [exact, fast] = seconds.map(|seconds| 1e3 * seconds / views.len() as f64);
+    let rms = (squares / f64::from(numbers)).sqrt();
+    format!("| {name} | {exact:.0} | {fast:.0} ({:.2}×) | {rms:.6} | {greatest:.4} |", fast / exact)
 }
 
 /// Trains on one volume; adds a row of quality, and rows of edits.
@@ -265,15 +298,9 @@ fn edited(function: &TransferFunction, field: &Field, units: &[(Vec3, f32, bool)
 impl Edit {
     /// The volume with the edit.
     fn reference(&self, field: &Field) -> Image {
-        let clipped = self.clip.as_ref().map(|clip| {
-            let grid = field.grid();
-            let kept = |i: usize| clip.keeps(grid.to_world(grid.voxel(i).as_dvec3()));
-            let values: Vec<f32> =
-                (0..grid.len()).map(|i| if kept(i) { field.raw(i) as f32 } else { f32::NAN }).collect();
-            Volume::new(grid.clone(), values.into(), None).unwrap().to_field()
-        });
         let classifier = self.function.classifier(field.range()).unwrap();
-        march(&RayMarcher::new(clipped.as_ref().unwrap_or(field), classifier, 0.5), &self.camera)
+        let marcher = RayMarcher::new(field, classifier, 0.5).clipped(self.clip.iter().map(region).collect());
+        march(&marcher, &self.camera)
     }
 
     /// The Gaussians with the edit.

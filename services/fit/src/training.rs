@@ -22,10 +22,10 @@ use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, RenderError, render};
 use sg_scene::model::Scene;
 
-use loss::{Loss, Target, similarity};
+use loss::{Channels, Loss, loss, similarity};
 use optimizer::Optimizer;
 pub use optimizer::Rates;
-pub use views::{TrainingView, ViewOptions, march, volume_views};
+pub use views::{TrainingView, ViewOptions, fast_march, march, region, volume_views};
 
 /// Share of the first rates that is left at the end.
 const FINAL_RATE: f64 = 0.02;
@@ -140,11 +140,7 @@ pub fn train(
 ) -> Result<TrainingReport, TrainingError> {
     check_views(views, held_out)?;
     let clock = Instant::now();
-    let targets: Vec<Target> = views.iter().map(target).collect();
-    let held_out_targets: Vec<Target> = held_out.iter().map(target).collect();
-    let measure = |scene: &Scene, iteration: usize| {
-        measure(scene, held_out, &held_out_targets, iteration, clock.elapsed().as_secs_f64())
-    };
+    let measure = |scene: &Scene, iteration: usize| measure(scene, held_out, iteration, clock.elapsed().as_secs_f64());
     let mut optimizer = Optimizer::new(scene);
     let first = measure(scene, 0)?;
     let mut measurements = vec![first];
@@ -163,7 +159,9 @@ pub fn train(
         let at = iteration % views.len();
         let rates = options.rates.times(FINAL_RATE.powf(spent) as f32);
         let rates = if spent < 1.0 - options.shading_share { rates } else { rates.of_shading() };
-        step(&mut trained, &views[at], &targets[at], &mut optimizer, (options.loss, &rates))?;
+        // Each view has all channels in turn.
+        let channel = Channels::One((iteration + iteration / views.len()) % 3);
+        step(&mut trained, &views[at], &mut optimizer, (options.loss, channel), &rates)?;
         iteration += 1;
         if iteration % options.measure_every.max(1) == 0 || iteration == options.iterations {
             let found = measure(&trained, iteration)?;
@@ -196,21 +194,18 @@ pub fn train(
     })
 }
 
-fn target(view: &TrainingView) -> Target {
-    Target::new(view.reference.as_pixels(), view.reference.width as usize)
-}
-
 /// One step on one view.
 fn step(
     scene: &mut Scene,
     view: &TrainingView,
-    target: &Target,
     optimizer: &mut Optimizer,
-    (loss, rates): (Loss, &Rates),
+    (weights, channels): (Loss, Channels),
+    rates: &Rates,
 ) -> Result<(), TrainingError> {
     let appearance = view.appearance(scene);
     let recording = record(scene, &appearance, &view.camera, Limits::FAST)?;
-    let (_, slopes) = target.loss(recording.image.as_pixels(), loss);
+    let width = view.reference.width as usize;
+    let (_, slopes) = loss(recording.image.as_pixels(), view.reference.as_pixels(), width, weights, channels);
     let gradients = recording.gradients(&slopes)?;
     drop(recording);
     optimizer.step(scene, &gradients, rates);
@@ -221,13 +216,12 @@ fn step(
 fn measure(
     scene: &Scene,
     views: &[TrainingView],
-    targets: &[Target],
     iteration: usize,
     seconds: f64,
 ) -> Result<Measurement, TrainingError> {
     let mut sum = Measurement { iteration, seconds, least_footprint_psnr_db: f64::INFINITY, ..Measurement::default() };
     let share = 1.0 / views.len() as f64;
-    for (view, target) in views.iter().zip(targets) {
+    for view in views {
         let picture = render(scene, &view.appearance(scene), &view.camera, Quality::Standard)?.image;
         // The sizes were checked.
         let Ok(difference) = Difference::between(&picture, &view.reference) else { continue };
@@ -236,7 +230,7 @@ fn measure(
         sum.psnr_db += share * finite(difference.psnr_db);
         sum.footprint_psnr_db += share * finite(difference.footprint_psnr_db);
         sum.least_footprint_psnr_db = sum.least_footprint_psnr_db.min(finite(difference.footprint_psnr_db));
-        sum.ssim += share * similarity(picture.as_pixels(), target);
+        sum.ssim += share * similarity(picture.as_pixels(), view.reference.as_pixels(), picture.width as usize);
         let covered = view.reference.pixels().filter(|pixel| pixel[3] > 1.0 / 1024.0).count();
         sum.coverage += share * covered as f64 / (view.reference.rgba.len() / 4).max(1) as f64;
     }

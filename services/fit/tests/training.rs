@@ -4,11 +4,13 @@
 use std::ops::ControlFlow;
 
 use sg_fit::training::{
-    TrainingError, TrainingOptions, TrainingReport, TrainingView, ViewOptions, train, volume_views,
+    TrainingError, TrainingOptions, TrainingReport, TrainingView, ViewOptions, march, train, volume_views,
 };
 use sg_fit::{Options, direct_start};
+use sg_raster::image::Image;
 use sg_scene::camera::LightMode;
 use sg_scene::model::Scene;
+use sg_volume::dvr::RayMarcher;
 use sg_volume::phantom::{VesselTree, transfer_function};
 use sg_volume::transfer::BaseUnitRange;
 use sg_volume::{Field, TransferFunction};
@@ -76,26 +78,38 @@ fn a_run_of_steps_gives_one_scene_on_any_number_of_threads() {
 }
 
 #[test]
-fn views_show_single_base_units_and_other_lights_too() {
+fn views_show_edits_and_other_lights_too() {
     let field = phantom();
     let mut function = transfer_function();
     let [low, high] = function.domain;
-    let border = 0.7 * (high - low) + low;
+    let border = 0.6 * (high - low) + low;
     function.base_units = vec![
         BaseUnitRange { name: "faint".to_owned(), range: [low, border] },
         BaseUnitRange { name: "bright".to_owned(), range: [border, high] },
     ];
     let (scene, views, held_out) = started(&field, &function, 800);
-    let of = |unit: Option<usize>| views.iter().filter(|view| view.unit == unit).count();
-    assert_eq!((of(None), of(Some(0)), of(Some(1))), (8, 4, 4));
-    assert_eq!(views.iter().filter(|view| view.camera.light.mode == LightMode::Direction).count(), 4);
-    assert!(held_out.iter().all(|view| view.unit.is_none() && view.camera.light.mode == LightMode::Headlight));
-    let alone = views.iter().find(|view| view.unit == Some(0)).unwrap();
+    let of = |opacities: &[f32]| views.iter().filter(|view| view.opacities == opacities).count();
+    assert_eq!([of(&[]), of(&[1.0, 0.0]), of(&[0.0, 1.0]), of(&[0.2, 1.0]), of(&[1.0, 0.2])], [10, 2, 2, 1, 1]);
+    let is_clipped = |view: &&TrainingView| !view.clips.is_empty();
+    assert_eq!(views.iter().filter(is_clipped).filter(|view| view.opacities.is_empty()).count(), 2);
+    assert_eq!(views.iter().filter(is_clipped).count(), 2);
+    assert_eq!(views.iter().filter(|view| view.camera.light.mode == LightMode::Direction).count(), 5);
+    assert_eq!(views.iter().filter(|view| view.camera.background == [1.0; 3]).count(), 6);
+    let is_plain = |view: &TrainingView| view.opacities.is_empty() && view.clips.is_empty();
+    assert!(held_out.iter().all(|view| is_plain(view) && view.camera.light.mode == LightMode::Headlight));
+    let alone = views.iter().find(|view| view.opacities == [1.0, 0.0]).unwrap();
     let appearance = alone.appearance(&scene);
     assert_eq!(appearance.base.iter().map(|base| base.visible).collect::<Vec<_>>(), [true, false]);
-    // What one unit covers, the whole scene covers more.
-    let coverage = |view: &TrainingView| view.reference.pixels().map(|pixel| f64::from(pixel[3])).sum::<f64>();
-    assert!(coverage(alone) > 0.0);
+    // The references show the edits. What they leave covers no more than the whole.
+    let coverage = |picture: &Image| picture.pixels().map(|pixel| f64::from(pixel[3])).sum::<f64>();
+    let marcher = RayMarcher::new(&field, function.classifier(field.range()).unwrap(), 0.5);
+    for view in views.iter().filter(|view| !is_plain(view)) {
+        let whole = march(&marcher, &view.camera);
+        assert!(coverage(&view.reference) > 0.0, "{:?} {:?}", view.opacities, view.clips);
+        assert!(coverage(&view.reference) < coverage(&whole) + 1.0, "{:?} {:?}", view.opacities, view.clips);
+        let change = whole.rgba.iter().zip(&view.reference.rgba).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+        assert!(change > 1.0, "{change} {:?} {:?}", view.opacities, view.clips);
+    }
 }
 
 #[test]

@@ -27,10 +27,10 @@ pub(crate) struct TrainingArgs {
     #[arg(long, value_name = "DB", value_parser = decibels, conflicts_with = "initial_only")]
     target_psnr: Option<f64>,
     /// Pictures of the volume to train on. One in eight more is held out for the measurement.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(8..=MOST.0 as u64), conflicts_with = "initial_only")]
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u64).range(8..=MOST.0 as u64), conflicts_with = "initial_only")]
     views: u64,
     /// Pixels along each edge of those pictures.
-    #[arg(long, value_name = "PIXELS", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=i64::from(MOST.2)), conflicts_with = "initial_only")]
+    #[arg(long, value_name = "PIXELS", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=i64::from(MOST.2)), conflicts_with = "initial_only")]
     view_size: u32,
 }
 

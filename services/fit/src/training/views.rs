@@ -1,5 +1,6 @@
 //! Pictures to train on: a volume seen by ray marching from all sides.
 
+use std::cmp::Ordering;
 use std::f64::consts::PI;
 
 use glam::{BVec3, DMat3, DQuat, DVec3, Vec3};
@@ -8,11 +9,11 @@ use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sg_raster::image::Image;
-use sg_scene::appearance::Appearance;
+use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::Scene;
 use sg_scene::view::FIELD_OF_VIEW;
-use sg_volume::dvr::{Illumination, Lighting, Material, Pinhole, RayMarcher};
+use sg_volume::dvr::{self, ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher};
 use sg_volume::{Bounds, Classifier, Field};
 
 use crate::direct::SURFACE_SHADING;
@@ -26,13 +27,21 @@ const MARGIN: f64 = 1.02;
 /// Greatest angle between the light and the direction to the eye, in radians.
 const LIGHT_ANGLE: f64 = 1.2;
 
+/// Opacity of a faded base unit.
+const FADED: f32 = 0.2;
+
+/// Voxels drawn at random in search of a shown one. Where those are rarer, a cut goes through the middle of their box.
+const CUT_TRIALS: usize = 10_000;
+
 /// One picture to train on, or to measure with.
 #[derive(Debug, Clone)]
 pub struct TrainingView {
     /// The camera, with its light and background.
     pub camera: Camera,
-    /// The base unit that it shows alone; `None` for the whole scene.
-    pub unit: Option<usize>,
+    /// Factors on the opacities of the base units, 0 to 1; those that are missing are 1.
+    pub opacities: Vec<f32>,
+    /// What takes parts of the scene away.
+    pub clips: Vec<Clip>,
     /// The picture that Gaussians should give.
     pub reference: Image,
 }
@@ -52,7 +61,7 @@ pub struct ViewOptions {
 
 impl Default for ViewOptions {
     fn default() -> Self {
-        Self { views: 64, held_out: 8, size: 256, seed: 0 }
+        Self { views: 96, held_out: 8, size: 512, seed: 0 }
     }
 }
 
@@ -63,9 +72,11 @@ impl TrainingView {
         let mut appearance = Appearance::of(scene);
         appearance.light = self.camera.light;
         appearance.background = self.camera.background();
-        if let Some(shown) = self.unit {
-            appearance.base.iter_mut().enumerate().for_each(|(unit, base)| base.visible = unit == shown);
+        for (base, factor) in appearance.base.iter_mut().zip(&self.opacities) {
+            base.opacity *= factor;
+            base.visible &= *factor > 0.0;
         }
+        appearance.clips.extend(self.clips.iter().cloned());
         appearance
     }
 }
@@ -73,9 +84,10 @@ impl TrainingView {
 /// Renders the views of a volume: those to train on in random order, and those to measure with. `progress` gets
 /// the number of finished views and of all.
 ///
-/// Cameras stand around what the transfer function shows, framed. A quarter of the views has a light beside the eye, so that normals and shading
-/// factors are learnt apart from colours. Where there are several base units, half of the views show one of them alone: a
-/// picture of the whole scene says nothing about what it hides, and edits show that.
+/// Cameras stand around what the transfer function shows, framed. A third of the views has a light beside the eye, so that
+/// normals and shading factors are learnt apart from colours. A third has a white background, on which dark borders of
+/// what is shown are seen. Half of the views show edits, since a picture of the whole scene says nothing about what it
+/// hides: single base units, faded ones, and cuts.
 #[must_use]
 pub fn volume_views(
     field: &Field,
@@ -85,37 +97,94 @@ pub fn volume_views(
 ) -> (Vec<TrainingView>, Vec<TrainingView>) {
     let mut random = ChaCha8Rng::seed_from_u64(options.seed ^ 0x7261_696e);
     let units = classifier.unit_count();
-    let marchers: Vec<RayMarcher> = std::iter::once(classifier.clone())
-        .chain((0..units).filter(|_| units > 1).map(|unit| classifier.only(unit)))
-        .map(|classifier| RayMarcher::new(field, classifier, STEP))
-        .collect();
     let frame = visible_box(field, classifier);
-    let of = options.views + options.held_out;
+    let mut plans = Vec::with_capacity(options.views);
+    for (k, direction) in directions(options.views, &mut random).into_iter().enumerate() {
+        let unit = k / 8 % units;
+        let others = |factor: f32, rest: f32| (0..units).map(|k| if k == unit { factor } else { rest }).collect();
+        let (opacities, clips): (Vec<f32>, _) = match k % 8 {
+            1 | 5 if units > 1 => (others(1.0, 0.0), Vec::new()),
+            3 => (others(FADED, 1.0), Vec::new()),
+            7 => (Vec::new(), vec![cut((field, classifier), &frame, direction, &mut random)]),
+            _ => (Vec::new(), Vec::new()),
+        };
+        let light = (k % 3 == 2).then(|| beside(-direction, &mut random));
+        let mut camera = camera(&frame, direction, light, options.size);
+        if k / 2 % 3 == 1 {
+            camera.background = [1.0; 3];
+        }
+        plans.push((camera, opacities, clips));
+    }
+    let held_out: Vec<Camera> = directions(options.held_out, &mut random)
+        .into_iter()
+        .map(|direction| camera(&frame, direction, None, options.size))
+        .collect();
+    let of = plans.len() + held_out.len();
     let mut done = 0;
-    let mut view = |direction: DVec3, unit: Option<usize>, light: Option<DVec3>| {
-        let camera = camera(&frame, direction, light, options.size);
-        let marcher = unit.map_or(0, |unit| unit + 1);
-        let reference = marchers.get(marcher).map(|marcher| march(marcher, &camera));
+    let mut finished = |view: TrainingView| {
         done += 1;
         progress(done, of);
-        reference.map(|reference| TrainingView { camera, unit, reference })
+        view
     };
-    let mut training = Vec::with_capacity(options.views);
-    for (k, direction) in directions(options.views, &mut random).into_iter().enumerate() {
-        let unit = (units > 1 && k % 2 == 1).then_some(k / 2 % units);
-        let light = (k % 8 >= 6).then(|| beside(-direction, &mut random));
-        training.extend(view(direction, unit, light));
+    // Each set of opacities has blocks and a table of its own, made once.
+    plans.sort_by(|a, b| a.1.partial_cmp(&b.1).unwrap_or(Ordering::Equal));
+    let mut training = Vec::with_capacity(plans.len());
+    for plans in plans.chunk_by(|a, b| a.1 == b.1) {
+        let opacities = plans.first().map_or_else(Vec::new, |plan| plan.1.clone());
+        let mut marcher = RayMarcher::new(field, classifier.with_opacities(opacities.clone()), STEP);
+        for (camera, _, clips) in plans {
+            marcher = marcher.clipped(clips.iter().map(region).collect());
+            let reference = fast_march(&marcher, camera);
+            training.push(finished(TrainingView {
+                camera: camera.clone(),
+                opacities: opacities.clone(),
+                clips: clips.clone(),
+                reference,
+            }));
+        }
     }
-    let held_out: Vec<DVec3> = directions(options.held_out, &mut random);
-    let held_out = held_out.into_iter().filter_map(|direction| view(direction, None, None)).collect();
     training.shuffle(&mut random);
+    let marcher = RayMarcher::new(field, classifier.clone(), STEP);
+    let held_out = held_out.into_iter().map(|camera| {
+        let reference = march(&marcher, &camera);
+        finished(TrainingView { camera, opacities: Vec::new(), clips: Vec::new(), reference })
+    });
+    let held_out = held_out.collect();
     (training, held_out)
+}
+
+/// A plane, askew, through a voxel that the transfer function shows. It takes away the nearer side to the eye.
+fn cut((field, classifier): (&Field, &Classifier), frame: &Bounds, direction: DVec3, random: &mut ChaCha8Rng) -> Clip {
+    let mut even = |reach: f64| random.random_range(-reach..reach);
+    let normal = (direction + DVec3::new(even(0.4), even(0.4), even(0.4))).normalize();
+    let grid = field.grid();
+    let mut voxels = (0..CUT_TRIALS).map(|_| random.random_range(0..grid.len()));
+    let shown = voxels.find(|i| classifier.opacity(field.raw(*i)) > 0.0);
+    let through = shown.map_or(0.5 * (frame.min + frame.max), |i| grid.to_world(grid.voxel(i).as_dvec3()));
+    Clip::plane(through, normal)
+}
+
+/// A clip of the scene as one of the volume.
+#[must_use]
+pub fn region(clip: &Clip) -> ClipRegion {
+    let sides = clip.sides.iter().map(|side| HalfSpace { normal: side.normal, offset: side.offset }).collect();
+    ClipRegion { sides, keeps_inside: clip.keep_inside }
 }
 
 /// The picture of a volume that its Gaussians should give: with the shading of clear boundaries everywhere, and the light and
 /// background of the camera.
 #[must_use]
 pub fn march(marcher: &RayMarcher, camera: &Camera) -> Image {
+    picture(camera, |pinhole, lighting| marcher.picture(pinhole, lighting, camera.background()))
+}
+
+/// [`march`] in f32, for pictures to train on.
+#[must_use]
+pub fn fast_march(marcher: &RayMarcher, camera: &Camera) -> Image {
+    picture(camera, |pinhole, lighting| marcher.fast_picture(pinhole, lighting, camera.background()))
+}
+
+fn picture(camera: &Camera, march: impl FnOnce(&Pinhole, Lighting) -> dvr::Image) -> Image {
     let pinhole = Pinhole {
         width: camera.width as usize,
         height: camera.height as usize,
@@ -129,7 +198,7 @@ pub fn march(marcher: &RayMarcher, camera: &Camera) -> Image {
         LightMode::Direction => Illumination::Direction(Vec3::from_array(camera.light.direction)),
     };
     let lighting = Lighting::Lit(Material { ambient, diffuse, specular, shininess }, illumination);
-    let picture = marcher.picture(&pinhole, lighting, camera.background());
+    let picture = march(&pinhole, lighting);
     Image { width: camera.width, height: camera.height, rgba: picture.pixels.into_flattened() }
 }
 
