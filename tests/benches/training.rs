@@ -1,5 +1,6 @@
 //! Training of Gaussians on pictures of a volume: quality over seconds, and edits against the same edits of the transfer
 //! function, for several volumes. Before that, the ray marching of these pictures: the marcher in f32 against its exact twin.
+//! And direct starts by their number of Gaussians.
 //!
 //!     cargo bench --workspace --bench training -- --data ../../shared/data/volumes --seconds 60 --out training
 //!
@@ -21,13 +22,12 @@ use std::time::Instant;
 use clap::Parser;
 use glam::{DVec3, Vec3};
 use plotters::prelude::{ChartBuilder, Color, LineSeries, PathElement, SeriesLabelPosition};
-use sg_fit::training::{
-    Measurement, TrainingOptions, TrainingView, ViewOptions, fast_march, march, region, train, volume_views,
-};
+use sg_fit::training::{Measurement, TrainingOptions, TrainingView, ViewOptions, train, volume_views};
 use sg_fit::{Options, direct_start};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, render};
+use sg_raster::volume::{fast_march, march, region};
 use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::Scene;
@@ -47,6 +47,9 @@ const VOLUMES: [(&str, Option<&str>); 4] = [
 
 /// Seconds at which the table has a column.
 const COLUMNS: [f64; 6] = [0.0, 5.0, 15.0, 30.0, 60.0, 180.0];
+
+/// Gaussians of the direct starts.
+const STARTS: [usize; 5] = [1500, 5000, 20_000, 50_000, 200_000];
 
 /// Opacity of a faded base unit.
 const FADED: f32 = 0.2;
@@ -90,6 +93,14 @@ struct Edit {
     units: Vec<(Vec3, f32, bool)>,
 }
 
+/// The tables of the run, line by line.
+struct Tables {
+    marching: Vec<String>,
+    starts: Vec<String>,
+    training: Vec<String>,
+    edits: Vec<String>,
+}
+
 struct Course {
     name: &'static str,
     measurements: Vec<Measurement>,
@@ -97,33 +108,42 @@ struct Course {
 
 fn main() {
     let arguments = Arguments::parse();
-    let mut lines = vec![format!(
-        "| volume, Gaussians | views, s | {} | steps in a second | SSIM: start, result | least dB: start, result | coverage |",
-        COLUMNS.map(|s| format!("{s} s")).join(" | ")
-    )];
-    lines.push(format!("| --- | --- |{} --- | --- | --- | --- |", " --- |".repeat(COLUMNS.len())));
-    let mut edits = vec![
-        "| volume | edit | dB: direct start | trained | trained, to the unedited picture |".to_owned(),
-        "| --- | --- | --- | --- | --- |".to_owned(),
-    ];
-    let mut marching = vec![
-        "| volume | exact, ms | f32, ms | RMS error | greatest error |".to_owned(),
-        "| --- | --- | --- | --- | --- |".to_owned(),
-    ];
+    let mut tables = Tables {
+        marching: head(&["volume", "exact, ms", "f32, ms", "RMS error", "greatest error"]),
+        starts: head(&["volume, Gaussians", "s", "dB over the footprint", "least", "dB of the frame", "SSIM"]),
+        training: head(&[
+            "volume, Gaussians",
+            "views, s",
+            &COLUMNS.map(|s| format!("{s} s")).join(" | "),
+            "steps in a second",
+            "SSIM: start, result",
+            "least dB: start, result",
+            "coverage",
+        ]),
+        edits: head(&["volume", "edit", "dB: direct start", "trained", "trained, to the unedited picture"]),
+    };
     let mut courses = Vec::new();
     for (name, file) in VOLUMES {
         let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
         let Some((field, function)) = is_asked.then(|| volume(&arguments, name, file)).flatten() else { continue };
-        marching.push(marched(&arguments, name, &field, &function));
-        courses.push(measured(&arguments, name, &field, &function, &mut lines, &mut edits));
+        tables.marching.push(marched(&arguments, name, &field, &function));
+        courses.push(measured(&arguments, name, &field, &function, &mut tables));
     }
-    let tables = [marching, lines, edits].map(|lines| lines.join("\n")).join("\n\n");
+    let Tables { marching, starts, training, edits } = tables;
+    let tables = [marching, starts, training, edits].map(|lines| lines.join("\n")).join("\n\n");
     println!("{tables}");
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out).unwrap();
         std::fs::write(out.join("training.md"), tables + "\n").unwrap();
         std::fs::write(out.join("training.svg"), svg((900, 420), |area| draw(area, &courses)).unwrap()).unwrap();
     }
+}
+
+/// The first two lines of a table.
+fn head(columns: &[&str]) -> Vec<String> {
+    let line = format!("| {} |", columns.join(" | "));
+    let rule = "| --- ".repeat(line.matches('|').count() - 1) + "|";
+    vec![line, rule]
 }
 
 fn volume(arguments: &Arguments, name: &str, file: Option<&str>) -> Option<(Field, TransferFunction)> {
@@ -164,14 +184,34 @@ fn marched(arguments: &Arguments, name: &str, field: &Field, function: &Transfer
     format!("| {name} | {exact:.0} | {fast:.0} ({:.2}×) | {rms:.6} | {greatest:.4} |", fast / exact)
 }
 
+/// A row for each number of Gaussians: the direct start against the held-out pictures.
+fn started(name: &str, field: &Field, function: &TransferFunction, held_out: &[TrainingView]) -> Vec<String> {
+    let rows = STARTS.into_iter().map(|gaussians| {
+        let clock = Instant::now();
+        let options = Options { gaussians, ..Options::default() };
+        let mut scene = direct_start(field, function, &options, |_| {}).unwrap().scene;
+        let seconds = clock.elapsed().as_secs_f64();
+        let none = TrainingOptions { iterations: 0, ..TrainingOptions::default() };
+        let found = train(&mut scene, held_out, held_out, &none, |_, _| ControlFlow::Continue(())).unwrap().result;
+        format!(
+            "| {name}, {} | {seconds:.1} | {:.1} | {:.1} | {:.1} | {:.3} |",
+            scene.len(),
+            found.footprint_psnr_db,
+            found.least_footprint_psnr_db,
+            found.psnr_db,
+            found.ssim
+        )
+    });
+    rows.collect()
+}
+
 /// Trains on one volume; adds a row of quality, and rows of edits.
 fn measured(
     arguments: &Arguments,
     name: &'static str,
     field: &Field,
     function: &TransferFunction,
-    lines: &mut Vec<String>,
-    edits: &mut Vec<String>,
+    tables: &mut Tables,
 ) -> Course {
     let options = Options { gaussians: arguments.gaussians, ..Options::default() };
     let start = direct_start(field, function, &options, |_| {}).unwrap().scene;
@@ -180,6 +220,7 @@ fn measured(
     let clock = Instant::now();
     let (views, held_out) = volume_views(field, &classifier, &of_views, |_, _| {});
     let rendering = clock.elapsed().as_secs_f64();
+    tables.starts.extend(started(name, field, function, &held_out));
     let options = TrainingOptions {
         iterations: usize::MAX,
         seconds: Some(arguments.seconds),
@@ -198,7 +239,7 @@ fn measured(
         reached.filter(|_| !is_over).map_or_else(String::new, |m| format!("{:.1}", m.footprint_psnr_db))
     };
     let (first, result) = (report.measurements[0], report.result);
-    lines.push(format!(
+    tables.training.push(format!(
         "| {name}, {} | {}, {rendering:.1} | {} | {:.1} | {:.3}, {:.3} | {:.1}, {:.1} | {:.2} |",
         scene.len(),
         views.len(),
@@ -216,7 +257,7 @@ fn measured(
         let reference = edit.reference(field);
         let [before, after] = [&start, &scene].map(|scene| decibels(&edit.drawn(scene), &reference));
         let change = decibels(&view.reference, &reference);
-        edits.push(format!("| {name} | {} | {before:.1} | {after:.1} | {change:.1} |", edit.name));
+        tables.edits.push(format!("| {name} | {} | {before:.1} | {after:.1} | {change:.1} |", edit.name));
     }
     Course { name, measurements: report.measurements }
 }

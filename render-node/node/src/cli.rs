@@ -1,7 +1,8 @@
-//! Offline: one picture of a scene file, or a film of it.
+//! Offline: one picture of a scene file or of a volume, or a film of it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::Args;
 use glam::{DVec2, Vec3};
@@ -23,6 +24,7 @@ mod look;
 mod names;
 mod show;
 mod values;
+mod volume;
 
 use failure::Failure;
 use look::{Look, Painter};
@@ -30,7 +32,8 @@ use names::{
     BackendName, ConventionName, FilterName, LightName, ProjectionName, QualityName, RasterizerName, ShadingName,
     TermName,
 };
-use values::{Background, background, color, factor, length, numbers, share};
+use values::{Background, background, color, factor, length, lengths, numbers, share, step};
+use volume::SeenVolume;
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
@@ -43,7 +46,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   supergaussian render scene.toml --out half.png --clip-plane 0,0,0,1,0,0 --mask sac.npy --pick 512,512
   supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090
   supergaussian render scene.toml --counts --both-eyes --foveation 30 --card rtx-3090
-  supergaussian render bonsai/scene.toml --turntable --camera-path way.txt --out film --frames 120 --fps 24";
+  supergaussian render bonsai/scene.toml --turntable --camera-path way.txt --out film --frames 120 --fps 24
+  supergaussian render bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --out volume.png";
 
 /// Example in the help of `serve`.
 pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
@@ -54,8 +58,17 @@ pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
 // One flat list: clap's derive takes an optional group of arguments for absent where it has another group within.
 #[derive(Debug, Args)]
 pub(crate) struct Picture {
-    /// The scene: a Gaussian file or `scene.toml`.
+    /// The scene: a Gaussian file or `scene.toml`. Or a volume, for ray marching.
     scene: PathBuf,
+    /// Transfer function of a volume [default: an automatic one from the histogram].
+    #[arg(long, value_name = "TF.json")]
+    transfer_function: Option<PathBuf>,
+    /// Distance between two samples on a ray through a volume, in voxels [default: 0.5].
+    #[arg(long, value_name = "VOXELS", value_parser = step)]
+    step: Option<f64>,
+    /// Millimetres between voxels along x, y and z, for raw volumes: they store none.
+    #[arg(long, value_name = "X,Y,Z", value_parser = lengths)]
+    spacing: Option<[f64; 3]>,
     /// Camera file (JSON). Without one, the whole scene is framed: plain splats from the front, volume scenes obliquely with
     /// z up.
     #[arg(long)]
@@ -93,7 +106,7 @@ pub(crate) struct Picture {
     /// Blending method of a graphics device.
     #[arg(long, value_enum, default_value_t = RasterizerName::Tiles)]
     rasterizer: RasterizerName,
-    /// Quality of the picture, as its error against the reference.
+    /// Quality of the picture, as its error against the reference. A volume is drawn in f64 for `exact`, otherwise in f32.
     #[arg(long, value_enum, default_value_t = QualityName::Standard)]
     quality: QualityName,
     /// Shading model. Replaces the one of the scene file.
@@ -254,10 +267,20 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     if format == Some(ImageFormat::Npy) && matches!(picture.background, Some(Background::Transparent)) {
         return Err(Failure::input("--background transparent: a .npy picture always has its coverage; write a .png"));
     }
-    let inputs = [Some(&picture.scene), picture.camera.as_ref(), picture.clusters.as_ref(), picture.mask.as_ref()];
+    let inputs = [
+        Some(&picture.scene),
+        picture.transfer_function.as_ref(),
+        picture.camera.as_ref(),
+        picture.clusters.as_ref(),
+        picture.mask.as_ref(),
+    ];
     staged_file::check_outputs(picture.out.as_deref(), inputs.into_iter().flatten().map(PathBuf::as_path))
         .map_err(Failure::input)?;
     let camera = picture.camera.as_deref().map(Camera::read).transpose().map_err(Failure::input)?;
+    let clock = Instant::now();
+    if let Some(volume) = SeenVolume::read(picture)? {
+        return volume::draw(picture, &volume, camera, clock.elapsed().as_secs_f64());
+    }
     let scene = look::read_scene(picture)?;
     let appearance = look::clipped(picture, &scene);
     let camera = camera.unwrap_or_else(|| {
@@ -282,7 +305,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
         .map(|at| pick::pick(scene, &look.appearance, &camera, projection, DVec2::from_array(at), pick::SURFACE))
         .transpose()
         .map_err(Failure::input)?;
-    let (plain, finish) = painter.finish();
+    let (plain, finish) = look.finish(picture);
     image.save_finished(out, plain, &finish).map_err(Failure::work)?;
     look::warn_of_dropped(report.dropped_non_finite);
     print::status(&format!(

@@ -308,3 +308,90 @@ fn errors_are_one_line() {
     assert!(good(at, &["--help"]).contains("supergaussian render scene.toml --camera"));
     assert!(good(at, &["serve", "--help"]).contains("supergaussian-render-node serve --session demo"));
 }
+
+/// A ball in 24³ bytes, its transfer function, and a camera before it.
+fn volume_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let ball = |i: usize| {
+        let from_middle = |k: usize| k as f64 - 11.5;
+        let [x, y, z] = [i % 24, i / 24 % 24, i / 576].map(from_middle);
+        (200.0 - 14.0 * (x * x + y * y + z * z).sqrt()).clamp(0.0, 255.0) as u8
+    };
+    std::fs::write(at.join("ball_24x24x24_uint8.raw"), (0..24 * 24 * 24).map(ball).collect::<Vec<_>>()).unwrap();
+    let function = r#"{"domain": [0, 255], "units": "raw", "scale": "linear", "points": [
+        {"value": 0, "color": [1, 0, 0], "opacity": 0}, {"value": 80, "color": [1, 0, 0], "opacity": 0},
+        {"value": 100, "color": [1, 0, 0], "opacity": 0.5}, {"value": 255, "color": [1, 0, 0], "opacity": 0.5}]}"#;
+    std::fs::write(at.join("red.tf.json"), function).unwrap();
+    folder
+}
+
+const BALL: &str = "ball_24x24x24_uint8.raw";
+
+#[test]
+fn a_volume_is_drawn_by_ray_marching() {
+    let folder = volume_folder();
+    let at = folder.path();
+    let sized = ["--width", "80", "--height", "60"];
+    let drawn = |name: &str, more: &[&str]| {
+        let report = good(at, &[&[BALL, "--out", name, "--json"][..], &sized, more].concat());
+        let (shape, pixels) = pixels(&at.join(name));
+        assert_eq!(shape, [60, 80, 4]);
+        (serde_json::from_str::<serde_json::Value>(&report).unwrap(), pixels)
+    };
+    let red = ["--transfer-function", "red.tf.json"];
+    let (report, fast) = drawn("fast.npy", &red);
+    assert_eq!(report["dims"], serde_json::json!([24, 24, 24]));
+    let middle = |pixels: &[f32]| <[f32; 4]>::try_from(&pixels[4 * (30 * 80 + 40)..][..4]).unwrap();
+    let [r, g, b, a] = middle(&fast);
+    assert!(r > 0.5 && a > 0.9 && g < 0.4 * r && (g - b).abs() < 1e-6, "{:?}", middle(&fast));
+    assert!(fast[..4] == [0.0; 4], "{:?}", &fast[..4]);
+    let (_, exact) = drawn("exact.npy", &[&red[..], &["--quality", "exact", "--step", "0.5"]].concat());
+    assert!(exact != fast && exact.iter().zip(&fast).all(|(a, b)| (a - b).abs() < 0.01));
+    // The ball is farther from the eye behind a cut through its middle; a background shows where it is not.
+    let cut = ["--clip-plane", "11.5,11.5,11.5,1,0,0", "--background", "0,0,1"];
+    let (_, cut) = drawn("cut.npy", &[&red[..], &cut].concat());
+    let covered = |pixels: &[f32]| pixels.chunks(4).filter(|pixel| pixel[3] > 0.5).count();
+    assert!(covered(&cut) > 100 && covered(&cut) < covered(&fast), "{} {}", covered(&cut), covered(&fast));
+    assert!(cut[..4] == [0.0, 0.0, 1.0, 0.0], "{:?}", &cut[..4]);
+    // Without a transfer function there is an automatic one. Spacing stretches raw voxels.
+    assert!(covered(&drawn("automatic.npy", &[]).1) > 100);
+    let (_, flat) = drawn("flat.npy", &[&red[..], &["--spacing", "1,1,0.25"]].concat());
+    assert!(covered(&flat) < covered(&fast) && covered(&flat) > 100, "{}", covered(&flat));
+}
+
+#[test]
+fn options_of_gaussians_are_refused_for_volumes_and_the_other_way_round() {
+    let folder = volume_folder();
+    let at = folder.path();
+    write_scene(&at.join("row.ply"), 9);
+    let refused = |arguments: &[&str], what: &str| {
+        let output = run(at, &[arguments, &["--out", "no.png"]].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(what) && said.lines().count() == 1, "{said}");
+        assert!(!at.join("no.png").exists());
+    };
+    for option in [&["--pick", "1,1"][..], &["--show", "opacity"], &["--palette", "1,0,0"], &["--backend", "gpu"]] {
+        refused(&[&[BALL][..], option].concat(), option[0]);
+    }
+    refused(&["row.ply", "--step", "0.5"], "--step");
+    refused(&["row.ply", "--transfer-function", "red.tf.json"], "row.ply");
+    refused(&[BALL, "--transfer-function", "gone.tf.json"], "gone.tf.json");
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 3 4\nencoding: raw\ndata file: /etc/hostname\n";
+    std::fs::write(at.join("theirs.nhdr"), header).unwrap();
+    refused(&["theirs.nhdr"], "outside the folder");
+}
+
+#[test]
+fn a_film_turns_around_a_volume() {
+    let folder = volume_folder();
+    let at = folder.path();
+    let turn = ["--turntable", "--frames", "3", "--width", "40", "--height", "30", "--no-video", "--json"];
+    let report = good(at, &[&[BALL, "--transfer-function", "red.tf.json", "--out", "film"][..], &turn].concat());
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!((&report["pictures"], &report["backend"]), (&3.into(), &"ray marching on the cores".into()));
+    let pictures = std::fs::read_dir(at.join("film"))
+        .unwrap()
+        .filter(|file| file.as_ref().unwrap().path().extension().is_some_and(|ending| ending == "png"));
+    assert_eq!(pictures.count(), 3);
+}

@@ -5,7 +5,8 @@
 //! pictures consistent while a camera turns.
 //!
 //! [`image_error`] compares a picture with a reference. [`pick`] finds the front Gaussian. [`structure`] colors clusters.
-//! [`gradient`] has the derivatives of a picture, for training. [`counts`] counts the work of a graphics device. [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
+//! [`gradient`] has the derivatives of a picture, for training. [`volume`] draws a volume by ray marching. [`counts`] counts the work
+//! of a graphics device. [`attributes`] maps numbers and directions to colors. [`outline`] draws cluster boundaries.
 //!
 //! ```
 //! use sg_raster::image_error::Difference;
@@ -50,6 +51,7 @@ pub mod shading;
 mod splat_f32;
 pub mod structure;
 mod tiles;
+pub mod volume;
 
 pub use cutoffs::Limits;
 pub use project::{DILATION, NEAR, dilation};

@@ -16,6 +16,7 @@ use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingColumns, ShadingModel};
+use sg_volume::dvr::Material;
 use sg_volume::transfer::Problem;
 use sg_volume::{Field, TransferFunction};
 
@@ -50,8 +51,6 @@ impl Default for Options {
     }
 }
 
-/// Shading of a clear boundary: ambient, diffuse, specular factor and exponent.
-pub const SURFACE_SHADING: (f32, f32, f32, f32) = (0.4, 0.6, 0.2, 20.0);
 /// Ambient factor of Gaussians without a surface; they have no diffuse or specular part. The brightness is that of a boundary
 /// on average over view directions: 0.4 + 0.6·½.
 pub const HAZE_AMBIENT: f32 = 0.7;
@@ -335,7 +334,7 @@ fn mean_color(splats: &[Splat]) -> Vec3 {
 }
 
 fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> BaseUnit {
-    let (ambient, diffuse, specular, shininess) = SURFACE_SHADING;
+    let Material { ambient, diffuse, specular, shininess } = Material::SURFACE;
     let column = |f: &dyn Fn(&Splat) -> f32| splats.iter().map(f).collect::<Vec<f32>>();
     let gaussians = Gaussians {
         position: splats.iter().map(|s| (s.position - shift).as_vec3()).collect(),

@@ -21,12 +21,11 @@ mod classification;
 pub mod direct;
 mod importance;
 pub mod labels;
-pub mod orientation;
 mod placement;
 mod shape;
 pub mod training;
 mod visibility;
 
 pub use direct::{DirectError, DirectStart, Options, Progress, Report, direct_start};
-pub use orientation::orientation_of;
 pub use placement::PlacementError;
+pub use sg_raster::volume::orientation_of;

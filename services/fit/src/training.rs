@@ -25,7 +25,7 @@ use sg_scene::model::Scene;
 use loss::{Channels, Loss, loss, similarity};
 use optimizer::Optimizer;
 pub use optimizer::Rates;
-pub use views::{TrainingView, ViewOptions, fast_march, march, region, volume_views};
+pub use views::{TrainingView, ViewOptions, volume_views};
 
 /// Share of the first rates that is left at the end.
 const FINAL_RATE: f64 = 0.02;

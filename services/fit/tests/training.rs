@@ -4,10 +4,11 @@
 use std::ops::ControlFlow;
 
 use sg_fit::training::{
-    TrainingError, TrainingOptions, TrainingReport, TrainingView, ViewOptions, march, train, volume_views,
+    TrainingError, TrainingOptions, TrainingReport, TrainingView, ViewOptions, train, volume_views,
 };
 use sg_fit::{Options, direct_start};
 use sg_raster::image::Image;
+use sg_raster::volume::march;
 use sg_scene::camera::LightMode;
 use sg_scene::model::Scene;
 use sg_volume::dvr::RayMarcher;

@@ -4,6 +4,8 @@
 //! length corrects the opacities. A ray stops at a transmittance of 1e-5. It skips blocks of voxels without opacity.
 //! [`RayMarcher::picture`] is exact up to its step; [`RayMarcher::fast_picture`] is its fast twin.
 
+#[cfg(test)]
+mod analytic;
 mod clip;
 mod fast;
 mod stencil;
@@ -241,6 +243,9 @@ struct Seen {
 }
 
 impl Material {
+    /// That of a clear boundary. The direct start gives its Gaussians the same.
+    pub const SURFACE: Self = Self { ambient: 0.4, diffuse: 0.6, specular: 0.2, shininess: 20.0 };
+
     fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
         let (to_light, half) = match light {
             Illumination::Headlight => (to_eye, to_eye),

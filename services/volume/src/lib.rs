@@ -36,6 +36,7 @@ pub mod read;
 pub mod scalars;
 pub mod transfer;
 mod visible_blocks;
+mod visible_bounds;
 pub mod volume;
 pub mod world_frame;
 
@@ -44,10 +45,11 @@ pub use field::Field;
 pub use grid::{Bounds, Grid};
 pub use histogram::automatic_transfer_function;
 pub use read::{
-    ENDINGS, Limits, ReadError, WriteError, formats_help, lacks_spacing, raw_file_name, read_volume,
+    ENDINGS, Limits, ReadError, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name, read_volume,
     read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use transfer::TransferFunction;
+pub use visible_bounds::visible_bounds;
 pub use volume::Volume;
 pub use world_frame::{LengthUnit, PatientFrame, WorldFrame};

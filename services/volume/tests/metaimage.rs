@@ -178,6 +178,6 @@ fn every_broken_file_gets_one_clear_line() {
     }
     let path = dir.path().join("small.mha");
     std::fs::write(&path, [itk("", "LOCAL").as_bytes(), &le].concat()).unwrap();
-    let error = read_volume_within(&path, Limits { voxel_bytes: 119 }).unwrap_err();
+    let error = read_volume_within(&path, Limits { voxel_bytes: 119, ..Limits::default() }).unwrap_err();
     assert!(matches!(error, ReadError::TooLarge { bytes: 120, limit: 119, .. }), "{error}");
 }

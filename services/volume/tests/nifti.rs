@@ -369,7 +369,7 @@ fn limits_hold_for_stored_and_for_scaled_values() {
     let dir = tempfile::tempdir().unwrap();
     let mut file = File::new(true, false);
     let path = put(dir.path(), "v.nii", &file.bytes());
-    let within = |voxel_bytes| read_volume_within(&path, Limits { voxel_bytes });
+    let within = |voxel_bytes| read_volume_within(&path, Limits { voxel_bytes, ..Limits::default() });
     assert!(matches!(within(119), Err(ReadError::TooLarge { bytes: 120, limit: 119, .. })));
     assert!(within(120).is_ok());
     (file.slope, file.intercept) = (2.0, 1.0);
@@ -417,7 +417,7 @@ proptest! {
         }
         let dir = tempfile::tempdir().unwrap();
         let data = if zipped { gzip(&data) } else { data };
-        match read_volume_within(&put(dir.path(), "d.nii", &data), Limits { voxel_bytes: 1 << 20 }) {
+        match read_volume_within(&put(dir.path(), "d.nii", &data), Limits { voxel_bytes: 1 << 20, ..Limits::default() }) {
             Ok(volume) => prop_assert_eq!(volume.scalars().len(), volume.grid().len()),
             Err(error) => prop_assert!(!error.to_string().is_empty()),
         }

@@ -333,7 +333,7 @@ fn every_broken_file_gets_one_clear_line() {
     std::fs::create_dir(d.join("folder_1x1x1_uint8.raw")).unwrap();
     assert!(matches!(read_volume(&d.join("folder_1x1x1_uint8.raw")), Err(ReadError::Io { .. })));
     let path = put(d, "v_3x4x5_int16.raw", &le);
-    let small = Limits { voxel_bytes: 119 };
+    let small = Limits { voxel_bytes: 119, ..Limits::default() };
     assert!(matches!(read_volume_within(&path, small), Err(ReadError::TooLarge { bytes: 120, limit: 119, .. })));
 }
 
@@ -382,9 +382,32 @@ proptest! {
             data.truncate(at.index(data.len()));
         }
         let dir = tempfile::tempdir().unwrap();
-        match read_volume_within(&put(dir.path(), name, &data), Limits { voxel_bytes: 1 << 20 }) {
+        match read_volume_within(&put(dir.path(), name, &data), Limits { voxel_bytes: 1 << 20, ..Limits::default() }) {
             Ok(volume) => prop_assert_eq!(volume.scalars().len(), volume.grid().len()),
             Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
+}
+
+#[test]
+fn a_header_names_data_in_its_own_folder_only_where_that_is_asked() {
+    let dir = tempfile::tempdir().unwrap();
+    let inner = dir.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    let data: Vec<u8> = (0..24).collect();
+    for folder in [dir.path(), &inner] {
+        std::fs::write(folder.join("data.bin"), &data).unwrap();
+    }
+    std::os::unix::fs::symlink("../data.bin", inner.join("link.bin")).unwrap();
+    let own = Limits { own_folder: true, ..Limits::default() };
+    for (name, is_own) in [("data.bin", true), ("../data.bin", false), ("link.bin", false)] {
+        let header = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 3 4\nencoding: raw\ndata file: {name}\n");
+        let path = inner.join("v.nhdr");
+        std::fs::write(&path, header).unwrap();
+        assert!(read_volume(&path).is_ok(), "{name}");
+        match read_volume_within(&path, own) {
+            Ok(_) => assert!(is_own, "{name} was read"),
+            Err(error) => assert!(!is_own && error.to_string().contains(name), "{name}: {error}"),
         }
     }
 }

@@ -374,7 +374,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
         &["sg-input", "sg-language", "sg-llm", "sg-proto", "sg-runtime"],
     ),
     ("services/agents/function", "supergaussian-agent-function", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
-    ("render-node/raster", "sg-raster", &["sg-formats", "sg-scene"]),
+    ("render-node/raster", "sg-raster", &["sg-formats", "sg-scene", "sg-volume"]),
     ("render-node/gpu", "sg-gpu", &["sg-formats", "sg-input", "sg-raster", "sg-scene"]),
     (
         "render-node/viewer",
@@ -405,6 +405,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-runtime",
             "sg-scene",
             "sg-viewer",
+            "sg-volume",
         ],
     ),
     ("launch/stack", "sg-stack", &["sg-confinement", "sg-input", "sg-proto", "sg-runtime"]),

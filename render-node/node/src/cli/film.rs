@@ -16,6 +16,7 @@ use sg_scene::framing;
 use sg_scene::model::Scene;
 use sg_scene::view::{FIELD_OF_VIEW, View};
 use sg_viewer::video::{self, VIDEO_TIMEOUT};
+use sg_volume::dvr::RayMarcher;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::Picture;
@@ -23,6 +24,7 @@ use super::failure::Failure;
 use super::look::{self, Look, Painter};
 use super::print_json;
 use super::values::Background;
+use super::volume::{self, SeenVolume};
 
 mod film_folder;
 
@@ -58,6 +60,12 @@ struct FilmReport<'a> {
     seconds: Vec<f64>,
 }
 
+/// What the pictures show.
+enum Source<'a> {
+    Gaussians(Painter<'a>),
+    Volume(&'a SeenVolume, RayMarcher<'a>),
+}
+
 /// Makes the film; a stopped one keeps its finished pictures.
 pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
     let Some(out) = &picture.out else { return Err(Failure::input("name the folder of the film with --out")) };
@@ -66,7 +74,12 @@ pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
     if path.as_ref().is_some_and(|path| path.poses.len() < 2) && !picture.turntable {
         return Err(Failure::input("a camera path of one pose leads nowhere; add a pose, or --turntable for a turn"));
     }
-    let scene = look::read_scene(picture)?;
+    let volume = SeenVolume::read(picture)?;
+    let marched = volume.as_ref().map(|volume| volume.marcher(&look::clips(picture))).transpose()?;
+    let (marcher, scene) = match marched {
+        Some((marcher, place)) => (Some(marcher), place),
+        None => (None, look::read_scene(picture)?),
+    };
     let appearance = look::clipped(picture, &scene);
     let cameras = cameras(picture, path.as_ref(), &scene, &appearance);
     let cameras: Vec<Camera> = cameras.into_iter().map(|camera| look::lit(picture, &scene, camera)).collect();
@@ -75,8 +88,11 @@ pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
     // The light of a preset is that of the first picture, and stays in the scene.
     let look = Look::new(picture, &scene, first, appearance)?;
     let stopped = watch_interrupts().map_err(Failure::work)?;
-    let mut painter = Painter::new(picture, scene, &look)?;
-    let (plain, finish) = painter.finish();
+    let mut source = match volume.as_ref().zip(marcher) {
+        Some((volume, marcher)) => Source::Volume(volume, marcher),
+        None => Source::Gaussians(Painter::new(picture, scene, &look)?),
+    };
+    let (plain, finish) = look.finish(picture);
     let rate = picture.fps.unwrap_or(DEFAULT_RATE);
     let frame = |(k, camera): (u32, &Camera)| Frame { file: picture_name(k), camera: camera.clone() };
     folder.prepare(rate, (0..).zip(&cameras).map(frame).collect())?;
@@ -90,9 +106,15 @@ pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
             return Err(Failure::work(format!("stopped: {k} of {} pictures in {}", cameras.len(), out.display())));
         }
         let clock = Instant::now();
-        let drawn = painter.draw(camera)?;
-        drawn.image.save_finished(&out.join(picture_name(k)), plain, &finish).map_err(Failure::work)?;
-        dropped = drawn.report.dropped_non_finite;
+        let image = match &mut source {
+            Source::Volume(volume, marcher) => volume.draw(marcher, camera),
+            Source::Gaussians(painter) => {
+                let drawn = painter.draw(camera)?;
+                dropped = drawn.report.dropped_non_finite;
+                drawn.image
+            }
+        };
+        image.save_finished(&out.join(picture_name(k)), plain, &finish).map_err(Failure::work)?;
         seconds.push(clock.elapsed().as_secs_f64());
         bar.inc(1);
     }
@@ -115,7 +137,10 @@ pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
             height: first.height,
             pictures_per_second: rate,
             video,
-            backend: painter.engine().name(),
+            backend: match &source {
+                Source::Volume(..) => volume::BACKEND.to_owned(),
+                Source::Gaussians(painter) => painter.engine().name(),
+            },
             seconds,
         })?;
     }

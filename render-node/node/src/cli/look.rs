@@ -102,6 +102,12 @@ impl Look {
         }
         Ok(Self { appearance, legend, labels })
     }
+
+    /// The last step of a picture that was drawn over the plain background.
+    pub(super) fn finish(&self, picture: &Picture) -> (Vec3, Finish) {
+        let plain = self.appearance.background;
+        (plain, Finish { backdrop: backdrop(picture.background, plain), dither: !picture.no_dither })
+    }
 }
 
 /// Quality, projection and blending of the options.
@@ -166,12 +172,6 @@ impl<'a> Painter<'a> {
     pub(super) fn options(&self) -> Options {
         self.options
     }
-
-    /// The last step of a picture that was drawn over the plain background.
-    pub(super) fn finish(&self) -> (Vec3, Finish) {
-        let plain = self.look.appearance.background;
-        (plain, Finish { backdrop: backdrop(self.picture.background, plain), dither: !self.picture.no_dither })
-    }
 }
 
 /// Reports Gaussians that cannot be drawn.
@@ -213,7 +213,8 @@ fn preset_light(name: LightName, camera: &Camera) -> Light {
     Light { mode, direction, ka, kd, ks, shininess }
 }
 
-fn clips(picture: &Picture) -> Vec<Clip> {
+/// The planes and boxes of the options.
+pub(super) fn clips(picture: &Picture) -> Vec<Clip> {
     let halves = |n: &[f64; 6]| (DVec3::new(n[0], n[1], n[2]), DVec3::new(n[3], n[4], n[5]));
     let planes = picture.clip_plane.iter().map(halves).map(|(point, normal)| Clip::plane(point, normal));
     let between = |keep_inside: bool| {

@@ -53,6 +53,20 @@ pub(super) fn length(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("`{text}` is no finite length of at least 0"))
 }
 
+/// Three lengths above 0.
+pub(super) fn lengths(text: &str) -> Result<[f64; 3], String> {
+    numbers::<3>(text)
+        .ok()
+        .filter(|lengths| lengths.iter().all(|x| *x > 0.0))
+        .ok_or_else(|| format!("`{text}` is not three lengths above 0, such as 0.5,0.5,1.25"))
+}
+
+/// Voxels between two samples of a ray.
+pub(super) fn step(text: &str) -> Result<f64, String> {
+    let range = 0.01..=8.0;
+    text.parse().ok().filter(|x| range.contains(x)).ok_or_else(|| format!("`{text}` is no number from 0.01 to 8"))
+}
+
 pub(super) fn factor(text: &str) -> Result<f32, String> {
     text.parse::<f32>()
         .ok()
@@ -81,6 +95,9 @@ mod tests {
         assert_eq!(factor("3"), Ok(3.0));
         assert!(factor("-1").is_err() && factor("inf").is_err() && factor("NaN").is_err());
         assert!(share("NaN").is_err());
+        assert_eq!(lengths("0.5,1, 2"), Ok([0.5, 1.0, 2.0]));
+        assert!(lengths("0,1,1").is_err() && lengths("1,1").is_err());
+        assert!(step("0.25").is_ok() && step("0").is_err() && step("NaN").is_err());
         assert_eq!(background("gradient"), Ok(Background::Around));
         assert_eq!(background("0,0.5,1"), Ok(Background::Color(Vec3::new(0.0, 0.5, 1.0))));
         let gradient = Gradient { top: Vec3::ONE, bottom: Vec3::ZERO };

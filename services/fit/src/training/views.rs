@@ -3,20 +3,18 @@
 use std::cmp::Ordering;
 use std::f64::consts::PI;
 
-use glam::{BVec3, DMat3, DQuat, DVec3, Vec3};
+use glam::{BVec3, DMat3, DQuat, DVec3};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use sg_raster::image::Image;
+use sg_raster::volume::{fast_march, march, region};
 use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::Scene;
 use sg_scene::view::FIELD_OF_VIEW;
-use sg_volume::dvr::{self, ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher};
-use sg_volume::{Bounds, Classifier, Field};
-
-use crate::direct::SURFACE_SHADING;
+use sg_volume::dvr::RayMarcher;
+use sg_volume::{Bounds, Classifier, Field, visible_bounds};
 
 /// Voxels between two samples of a ray.
 const STEP: f64 = 0.5;
@@ -97,7 +95,8 @@ pub fn volume_views(
 ) -> (Vec<TrainingView>, Vec<TrainingView>) {
     let mut random = ChaCha8Rng::seed_from_u64(options.seed ^ 0x7261_696e);
     let units = classifier.unit_count();
-    let frame = visible_box(field, classifier);
+    // Cameras depend on the volume alone, so scenes of any number of Gaussians are measured by the same pictures.
+    let frame = visible_bounds(field, classifier);
     let mut plans = Vec::with_capacity(options.views);
     for (k, direction) in directions(options.views, &mut random).into_iter().enumerate() {
         let unit = k / 8 % units;
@@ -164,44 +163,6 @@ fn cut((field, classifier): (&Field, &Classifier), frame: &Bounds, direction: DV
     Clip::plane(through, normal)
 }
 
-/// A clip of the scene as one of the volume.
-#[must_use]
-pub fn region(clip: &Clip) -> ClipRegion {
-    let sides = clip.sides.iter().map(|side| HalfSpace { normal: side.normal, offset: side.offset }).collect();
-    ClipRegion { sides, keeps_inside: clip.keep_inside }
-}
-
-/// The picture of a volume that its Gaussians should give: with the shading of clear boundaries everywhere, and the light and
-/// background of the camera.
-#[must_use]
-pub fn march(marcher: &RayMarcher, camera: &Camera) -> Image {
-    picture(camera, |pinhole, lighting| marcher.picture(pinhole, lighting, camera.background()))
-}
-
-/// [`march`] in f32, for pictures to train on.
-#[must_use]
-pub fn fast_march(marcher: &RayMarcher, camera: &Camera) -> Image {
-    picture(camera, |pinhole, lighting| marcher.fast_picture(pinhole, lighting, camera.background()))
-}
-
-fn picture(camera: &Camera, march: impl FnOnce(&Pinhole, Lighting) -> dvr::Image) -> Image {
-    let pinhole = Pinhole {
-        width: camera.width as usize,
-        height: camera.height as usize,
-        focal: [camera.fx, camera.fy],
-        center: [camera.cx, camera.cy],
-        world_to_camera: camera.view(),
-    };
-    let (ambient, diffuse, specular, shininess) = SURFACE_SHADING;
-    let illumination = match camera.light.mode {
-        LightMode::Headlight => Illumination::Headlight,
-        LightMode::Direction => Illumination::Direction(Vec3::from_array(camera.light.direction)),
-    };
-    let lighting = Lighting::Lit(Material { ambient, diffuse, specular, shininess }, illumination);
-    let picture = march(&pinhole, lighting);
-    Image { width: camera.width, height: camera.height, rgba: picture.pixels.into_flattened() }
-}
-
 /// A camera that frames a box from a direction.
 fn camera(frame: &Bounds, direction: DVec3, light: Option<DVec3>, size: u32) -> Camera {
     let up = if direction.z.abs() > 0.99 { DVec3::Y } else { DVec3::Z };
@@ -221,33 +182,6 @@ fn camera(frame: &Bounds, direction: DVec3, light: Option<DVec3>, size: u32) -> 
         camera.light.direction = light.as_vec3().to_array();
     }
     camera
-}
-
-/// The box of the voxels that the transfer function shows. Cameras depend on the volume alone, so scenes of any number of
-/// Gaussians, at any stage, are measured by the same pictures.
-fn visible_box(field: &Field, classifier: &Classifier) -> Bounds {
-    let grid = field.grid();
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (min, max) = (0..grid.len())
-        .into_par_iter()
-        .filter(|i| classifier.opacity(field.raw(*i)) > 0.0)
-        .fold(
-            || none,
-            |(min, max), i| {
-                let voxel = grid.voxel(i).as_dvec3();
-                (min.min(voxel), max.max(voxel))
-            },
-        )
-        .reduce(|| none, |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    if !min.is_finite() {
-        return grid.bounds();
-    }
-    let corners = (0..8).map(|k| {
-        let corner = DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), max + 0.5, min - 0.5);
-        grid.to_world(corner)
-    });
-    let (min, max) = corners.fold(none, |(min, max), corner| (min.min(corner), max.max(corner)));
-    Bounds { min, max }
 }
 
 /// Even directions over the sphere (a Fibonacci lattice), turned at random.

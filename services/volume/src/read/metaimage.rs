@@ -62,7 +62,7 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
             (source, reader, length, after_header)
         }
         Some(name) => {
-            data_path = source.beside(name);
+            data_path = source.beside(name)?;
             let data_source = Source { path: &data_path, limits: source.limits };
             let (reader, length) = data_source.reader()?;
             (data_source, reader, length, 0)

@@ -105,6 +105,13 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
     }
 }
 
+/// Whether the ending of the name is one of [`ENDINGS`].
+#[must_use]
+pub fn is_volume_path(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    FORMATS.iter().any(|format| format.has_ending(&name))
+}
+
 /// Whether the name of a volume selects a format without spacing: raw voxels. [`Volume::with_spacing`] gives them one.
 #[must_use]
 pub fn lacks_spacing(path: &Path) -> bool {

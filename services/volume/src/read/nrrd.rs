@@ -53,7 +53,7 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
     let (data_source, mut reader, length, start) = match &header.data_file {
         None => (source, reader, length, after_header),
         Some(name) => {
-            data_path = source.beside(name);
+            data_path = source.beside(name)?;
             let data_source = Source { path: &data_path, limits: source.limits };
             let (reader, length) = data_source.reader()?;
             (data_source, reader, length, 0)

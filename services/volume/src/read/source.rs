@@ -10,16 +10,18 @@ use crate::scalars::ScalarType;
 use super::error::ReadError;
 use sg_input::{file, limits};
 
-/// Memory limit of a reader.
+/// Limits of a reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Largest size of the decoded voxels in bytes.
     pub voxel_bytes: u64,
+    /// Whether a header may name data in its own folder only.
+    pub own_folder: bool,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { voxel_bytes: 8 << 30 }
+        Self { voxel_bytes: 8 << 30, own_folder: false }
     }
 }
 
@@ -66,8 +68,19 @@ impl Source<'_> {
     }
 
     /// The path of a file that a header names, from the header's own folder.
-    pub(super) fn beside(&self, name: &str) -> PathBuf {
-        self.path.parent().map_or_else(|| name.into(), |folder| folder.join(name))
+    pub(super) fn beside(&self, name: &str) -> Result<PathBuf, ReadError> {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let path = folder.join(name);
+        if self.limits.own_folder {
+            // Links are followed, as they are when the file is read.
+            let [file, folder] = [&path, folder].map(std::fs::canonicalize);
+            let file = file.map_err(|source| ReadError::Io { path: path.clone(), source })?;
+            if !file.starts_with(folder.map_err(|e| self.io(e))?) {
+                let what = format!("names the data {name}, outside the folder of the header");
+                return Err(self.format("header", what, "put the data beside the header"));
+            }
+        }
+        Ok(path)
     }
 
     /// Refuses compressed data that would expand beyond the limit for `stored` bytes.

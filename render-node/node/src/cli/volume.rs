@@ -1,0 +1,196 @@
+//! Pictures of a volume by ray marching, with the options of pictures of a scene.
+
+use std::path::Path;
+use std::time::Instant;
+
+use glam::DVec3;
+use serde::Serialize;
+use sg_formats::Format;
+use sg_input::number_format::grouped;
+use sg_input::print;
+use sg_raster::image::Image;
+use sg_raster::volume::{empty_scene, fast_march, march, region};
+use sg_scene::appearance::Clip;
+use sg_scene::camera::Camera;
+use sg_scene::framing;
+use sg_scene::model::Scene;
+use sg_volume::dvr::RayMarcher;
+use sg_volume::{
+    Field, Limits, TransferFunction, Volume, WorldFrame, automatic_transfer_function, is_volume_path, lacks_spacing,
+    read_volume_within,
+};
+
+use super::failure::Failure;
+use super::look::{self, Look};
+use super::names::{BackendName, FilterName, ProjectionName, QualityName, RasterizerName, TermName};
+use super::{DEFAULT_SIZE, Picture, print_json};
+
+/// Name of the method in reports.
+pub(super) const BACKEND: &str = "ray marching on the cores";
+
+/// The volume of the command, under its transfer function.
+pub(super) struct SeenVolume {
+    field: Field,
+    function: TransferFunction,
+    frame: WorldFrame,
+    step: f64,
+    quality: QualityName,
+}
+
+/// The JSON report.
+#[derive(Debug, Serialize)]
+struct VolumeReport<'a> {
+    out: &'a Path,
+    volume: &'a Path,
+    /// The file; null for an automatic transfer function.
+    transfer_function: Option<&'a Path>,
+    backend: &'static str,
+    quality: QualityName,
+    /// Voxels between two samples.
+    step: f64,
+    threads: usize,
+    dims: [usize; 3],
+    camera: &'a Camera,
+    read_seconds: f64,
+    seconds: f64,
+}
+
+/// Whether the command draws a volume.
+pub(super) fn is_asked(picture: &Picture) -> bool {
+    picture.transfer_function.is_some() || !Format::is_scene_path(&picture.scene) && is_volume_path(&picture.scene)
+}
+
+impl SeenVolume {
+    /// Reads the volume and its transfer function. `None` where the command draws a scene.
+    pub(super) fn read(picture: &Picture) -> Result<Option<Self>, Failure> {
+        let path = &picture.scene;
+        if !is_asked(picture) {
+            if picture.step.is_some() || picture.spacing.is_some() {
+                let line = format!("{}: --step and --spacing are of volumes, and this is a scene", path.display());
+                return Err(Failure::input(line));
+            }
+            return Ok(None);
+        }
+        refuse_options_of_scenes(picture)?;
+        if picture.spacing.is_some() && !lacks_spacing(path) {
+            let what = "--spacing is for raw volumes; this format stores its own spacing, so leave it out";
+            return Err(Failure::input(format!("{}: {what}", path.display())));
+        }
+        let limits = Limits { own_folder: true, ..Limits::default() };
+        let mut volume = read_volume_within(path, limits).map_err(Failure::input)?;
+        if let Some(spacing) = picture.spacing {
+            let spaced = volume.with_spacing(DVec3::from_array(spacing));
+            volume = spaced.map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        }
+        let field = volume.to_field();
+        let function = function(picture, &volume, &field)?;
+        Ok(Some(Self {
+            field,
+            function,
+            frame: volume.frame(),
+            step: picture.step.unwrap_or(0.5),
+            quality: picture.quality,
+        }))
+    }
+
+    /// The volume, ready for any number of pictures, and a scene without Gaussians in its place.
+    pub(super) fn marcher(&self, clips: &[Clip]) -> Result<(RayMarcher<'_>, Scene), Failure> {
+        let classifier = self.function.classifier(self.field.range()).map_err(Failure::input)?;
+        let place = empty_scene(&self.field, &classifier, self.frame);
+        let marcher = RayMarcher::new(&self.field, classifier, self.step);
+        Ok((marcher.clipped(clips.iter().map(region).collect()), place))
+    }
+
+    /// The picture at the quality of the options.
+    pub(super) fn draw(&self, marcher: &RayMarcher<'_>, camera: &Camera) -> Image {
+        match self.quality {
+            QualityName::Exact => march(marcher, camera),
+            QualityName::Standard | QualityName::Fast => fast_march(marcher, camera),
+        }
+    }
+}
+
+/// Draws one picture of a volume.
+pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera>, read: f64) -> Result<(), Failure> {
+    let Some(out) = &picture.out else { return Err(Failure::input("name the picture to write with --out")) };
+    let clips = look::clips(picture);
+    let (marcher, place) = volume.marcher(&clips)?;
+    let camera = camera.unwrap_or_else(|| {
+        let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
+        framing::default_camera(&place, width, height)
+    });
+    let camera = look::lit(picture, &place, camera);
+    let look = Look::new(picture, &place, &camera, look::clipped(picture, &place))?;
+    let clock = Instant::now();
+    let image = volume.draw(&marcher, &camera);
+    let seconds = clock.elapsed().as_secs_f64();
+    let (plain, finish) = look.finish(picture);
+    image.save_finished(out, plain, &finish).map_err(Failure::work)?;
+    let dims = volume.field.grid().dims();
+    print::status(&format!(
+        "{}: {} x {} pixels of {} voxels, {seconds:.3} s",
+        out.display(),
+        image.width,
+        image.height,
+        grouped(volume.field.grid().len() as u64),
+    ));
+    if picture.json {
+        print_json(&VolumeReport {
+            out,
+            volume: &picture.scene,
+            transfer_function: picture.transfer_function.as_deref(),
+            backend: BACKEND,
+            quality: picture.quality,
+            step: volume.step,
+            threads: rayon::current_num_threads(),
+            dims,
+            camera: &camera,
+            read_seconds: read,
+            seconds,
+        })?;
+    }
+    Ok(())
+}
+
+/// The given transfer function, or an automatic one.
+fn function(picture: &Picture, volume: &Volume, field: &Field) -> Result<TransferFunction, Failure> {
+    let Some(path) = &picture.transfer_function else {
+        return automatic_transfer_function(field, volume.variable())
+            .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())));
+    };
+    let loaded = TransferFunction::load(path).map_err(Failure::input)?;
+    for key in &loaded.ignored_keys {
+        print::status(&format!("note: {}: the unknown key `{key}` is ignored", path.display()));
+    }
+    Ok(loaded.function)
+}
+
+/// Options that speak of Gaussians do nothing to a volume. Silence would let a person believe otherwise.
+fn refuse_options_of_scenes(picture: &Picture) -> Result<(), Failure> {
+    let given = [
+        ("--mask", picture.mask.is_some()),
+        ("--clusters", picture.clusters.is_some()),
+        ("--outlines", picture.outlines.is_some()),
+        ("--show", picture.show.is_some()),
+        ("--pick", picture.pick.is_some()),
+        ("--counts", picture.counts),
+        ("--palette", picture.palette.is_some()),
+        ("--shading", picture.shading.is_some()),
+        ("--convention", picture.convention.is_some()),
+        ("--term", !matches!(picture.term, TermName::Full)),
+        ("--filter", !matches!(picture.filter, FilterName::FromFile)),
+        ("--projection", !matches!(picture.projection, ProjectionName::Affine)),
+        ("--rasterizer", !matches!(picture.rasterizer, RasterizerName::Tiles)),
+        ("--backend gpu", matches!(picture.backend, BackendName::Gpu)),
+        ("--foveation", picture.foveation.is_some()),
+        ("--near", picture.near.is_some()),
+        ("--ambient-occlusion", picture.ambient_occlusion),
+    ];
+    match given.iter().find(|(_, is_given)| *is_given) {
+        Some((name, _)) => Err(Failure::input(format!(
+            "{}: {name} is of Gaussians, and this is a volume; leave it out, or make a scene with `supergaussian fit`",
+            picture.scene.display()
+        ))),
+        None => Ok(()),
+    }
+}
