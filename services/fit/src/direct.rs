@@ -3,7 +3,8 @@
 //! The steps for each base unit of the transfer function:
 //!
 //! 1. Each voxel gets an importance: its visible opacity within its own unit, with more weight at boundaries. Units are
-//!    also edited and shown alone, so other units do not hide it.
+//!    also edited and shown alone, so other units do not hide it. What its own unit hides keeps a tenth: it is seen
+//!    through a faded unit, and where a cut opens it.
 //! 2. Systematic sampling spreads the centres over the importance. Relaxation moves them to centroids of Voronoi cells.
 //! 3. Each cell becomes one Gaussian along the cell's principal axes. Boundary cells are flattened along the gradient.
 //!
@@ -27,7 +28,7 @@ use crate::shape::{GaussianBuilder, Splat};
 
 /// Revision of the method. It changes whenever the same volume and options give another scene, so that scenes of an earlier
 /// revision are not taken for the present one.
-pub const REVISION: u32 = 2;
+pub const REVISION: u32 = 3;
 /// Largest allowed number of Gaussians.
 pub const MAX_GAUSSIANS: usize = 1 << 26;
 
@@ -41,13 +42,15 @@ pub struct Options {
     /// Thickness of Gaussians along the gradient at clear boundaries, relative to the thickness of their cell, above 0. The
     /// value 1 does not flatten.
     pub flattening: f64,
+    /// Importance of what its own unit hides, relative to what is seen, 0 to 1. With 0 nothing is placed there.
+    pub interior: f64,
     /// Rounds of relaxation after the sampling of the centres.
     pub relaxation_rounds: usize,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { gaussians: 100_000, seed: 0, flattening: 0.6, relaxation_rounds: 1 }
+        Self { gaussians: 100_000, seed: 0, flattening: 0.6, interior: 0.1, relaxation_rounds: 1 }
     }
 }
 
@@ -176,6 +179,9 @@ pub enum DirectError {
     /// The flattening is outside its range.
     #[error("flattening {0}; give a number above 0 and at most 1")]
     Flattening(f64),
+    /// The importance of the interior is outside its range.
+    #[error("an interior of {0}; give a number from 0 to 1")]
+    Interior(f64),
     /// The nearest-neighbour search could not be set up.
     #[error("the placement failed: {0}")]
     Placement(#[from] PlacementError),
@@ -197,6 +203,9 @@ pub fn direct_start(
     }
     if !(options.flattening > 0.0 && options.flattening <= 1.0) {
         return Err(DirectError::Flattening(options.flattening));
+    }
+    if !(0.0..=1.0).contains(&options.interior) {
+        return Err(DirectError::Interior(options.interior));
     }
     let classifier = function.classifier(field.range())?;
     let count = classifier.unit_count();
@@ -231,7 +240,7 @@ pub fn direct_start(
     let mut found = Vec::with_capacity(count);
     for unit in 0..count {
         stage("computing importance");
-        found.push(classification.crop(unit).map(|crop| candidates(&crop, field.grid())));
+        found.push(classification.crop(unit).map(|crop| candidates(&crop, field.grid(), options.interior as f32)));
     }
     seconds.importance = clock.elapsed().as_secs_f64();
     let totals: Vec<f64> = found.iter().map(|c| c.as_ref().map_or(0.0, |c| c.total)).collect();

@@ -62,8 +62,8 @@ impl Candidates {
 }
 
 /// Computes the importance of the voxels of a base unit. It is the opacity over one voxel, times the transmittance of the
-/// same unit along the clearest direction. Boundaries of the opacity get more weight.
-pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
+/// same unit along the clearest direction, which counts as at least `interior`. Boundaries of the opacity get more weight.
+pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32) -> Candidates {
     let step = |d: [i32; 3]| grid.vector_to_world(DVec3::from_array(d.map(f64::from))).length() as f32;
     let mut emphasis = least_optical_depth(&crop.extinction, crop.dims, step);
     let voxel_side = grid.voxel_volume().cbrt() as f32;
@@ -78,7 +78,7 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid) -> Candidates {
                 side(k + 1 < n, at + stride) - side(k > 0, at.wrapping_sub(stride))
             };
             let boundary = Vec3::new(change(x, nx, 1), change(y, ny, nx), change(z, nz, nx * ny)).length().min(1.0);
-            *e = (-*e).exp() * (1.0 + BOUNDARY_GAIN * boundary);
+            *e = (-*e).exp().max(interior) * (1.0 + BOUNDARY_GAIN * boundary);
         }
     });
     let weights: Vec<f32> = emphasis.par_iter().enumerate().map(|(at, e)| e * opacity(at)).collect();
@@ -155,7 +155,8 @@ mod tests {
                 if inside(i % 16) && inside(i / 16 % 16) && inside(i / 256) { 2.0 } else { 0.0 }
             })
             .collect();
-        let c = candidates(&Crop { first: UVec3::ZERO, dims, extinction }, &grid);
+        let crop = Crop { first: UVec3::ZERO, dims, extinction };
+        let c = candidates(&crop, &grid, 0.0);
         let weight = |x: usize| {
             let voxel = grid.index(x, 8, 8) as u32;
             c.list.iter().find(|c| c.voxel == voxel).map_or(0.0, |c| c.weight)
@@ -168,5 +169,9 @@ mod tests {
         assert_eq!(c.importance_at(DVec3::splat(99.0), 0.0), 0.0);
         let sum: f64 = c.list.iter().map(|c| f64::from(c.weight)).sum();
         assert!((sum - c.total).abs() < 1e-9 * sum);
+        // What is hidden keeps the share that is asked for.
+        let c = candidates(&crop, &grid, 0.1);
+        let core = c.list.iter().find(|c| c.voxel == grid.index(7, 8, 8) as u32).unwrap();
+        assert!((core.weight - 0.1 * (1.0 - (-2.0_f32).exp())).abs() < 1e-6, "{}", core.weight);
     }
 }

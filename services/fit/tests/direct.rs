@@ -33,6 +33,11 @@ fn start(field: &Field, function: &TransferFunction, gaussians: usize) -> Result
     direct_start(field, function, &Options { gaussians, ..Options::default() }, |_| {})
 }
 
+/// Gaussians only where the volume is seen.
+fn shell(field: &Field, function: &TransferFunction, gaussians: usize) -> DirectStart {
+    direct_start(field, function, &Options { gaussians, interior: 0.0, ..Options::default() }, |_| {}).unwrap()
+}
+
 /// A ball of value 200 and radius 8 in 24³ voxels of value 0, one voxel of ramp.
 fn ball(grid: Grid) -> Field {
     field(grid, |p| 200.0 * (8.5 - (p - 11.5).length()).clamp(0.0, 1.0) as f32)
@@ -58,7 +63,7 @@ fn one_seed_gives_one_scene_on_any_number_of_threads() {
 
 #[test]
 fn a_ball_becomes_a_surface_with_outward_normals() {
-    let s = start(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), 2000).unwrap();
+    let s = shell(&ball(Grid::unit([24; 3]).unwrap()), &ball_function(), 2000);
     let [unit] = s.scene.units.as_slice() else { panic!("one unit") };
     let g = &unit.gaussians;
     let shading = g.shading.as_ref().unwrap();
@@ -207,6 +212,8 @@ fn invalid_input_is_refused() {
     assert_eq!(start(&volume, &ball_function(), 0), Err(DirectError::Budget(0)));
     let thick = Options { flattening: 0.0, ..Options::default() };
     assert_eq!(direct_start(&volume, &ball_function(), &thick, |_| {}), Err(DirectError::Flattening(0.0)));
+    let inside = Options { interior: 1.5, ..Options::default() };
+    assert_eq!(direct_start(&volume, &ball_function(), &inside, |_| {}), Err(DirectError::Interior(1.5)));
     let mut many = ball_function();
     many.base_units = (0..256).map(|i| BaseUnitRange { name: i.to_string(), range: [0.0, 255.0] }).collect();
     assert_eq!(start(&volume, &many, 10), Err(DirectError::TooManyUnits(256)));
@@ -251,12 +258,19 @@ fn a_fitted_body_encloses_its_volume() {
         (200.0 * (radius + 0.5 - place.length()).clamp(0.0, 1.0)) as f32
     });
     let measured = |scene: &Scene| size(scene, &Mask::full(scene.len())).unwrap();
-    for gaussians in [1000, 16_000] {
-        let found = measured(&start(&whole, &ball_function(), gaussians).unwrap().scene);
+    for (gaussians, is_shell) in [(1000, true), (16_000, true), (1000, false), (16_000, false)] {
+        let made = if is_shell {
+            Ok(shell(&whole, &ball_function(), gaussians))
+        } else {
+            start(&whole, &ball_function(), gaussians)
+        };
+        let found = measured(&made.unwrap().scene);
         let share = found.enclosed / (4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3));
         assert!((found.extent / (2.0 * radius) - 1.0).abs().max_element() < 0.05, "{}", found.extent);
         // Gaussians of the surface reach beyond it, by some 4 % of the radius.
-        assert!((1.0..1.15).contains(&share) && found.occupied < 0.5 * found.enclosed, "{share}");
+        assert!((0.95..1.15).contains(&share), "{share}");
+        let is_hollow = found.occupied < 0.5 * found.enclosed;
+        assert_eq!(is_hollow, is_shell, "{gaussians}: {} of {}", found.occupied, found.enclosed);
     }
     // Vessels of a few voxels; the tips of the thinnest stay open. Their walls blur over voxels, and the outer part of a wall hides
     // less than half of the light.

@@ -31,6 +31,10 @@ impl Subject {
 
     /// Difference between the Gaussians and the volume. The opacity fades both.
     fn difference(&self, gaussians: usize, flattening: f64, opacity: f32) -> Difference {
+        self.difference_of(Options { gaussians, flattening, ..Options::default() }, opacity)
+    }
+
+    fn difference_of(&self, options: Options, opacity: f32) -> Difference {
         let Self { field, function, camera } = self;
         let pinhole = Pinhole {
             width: 320,
@@ -46,7 +50,6 @@ impl Subject {
         let classifier = faded.classifier(field.range()).unwrap();
         let marched = dvr::render(field, &classifier, &pinhole, Lighting::Unlit, Vec3::ZERO, 0.5);
 
-        let options = Options { gaussians, flattening, ..Options::default() };
         let mut scene = direct_start(field, function, &options, |_| {}).unwrap().scene;
         for unit in &mut scene.units {
             let shading = unit.gaussians.shading.as_mut().unwrap();
@@ -85,6 +88,17 @@ fn a_faded_surface_shows_no_lattice() {
     let subject = Subject::new(DVec3::new(0.0, -0.6, 0.1));
     let (full, faded) = (subject.difference(40_000, 0.6, 1.0), subject.difference(40_000, 0.6, 0.2));
     assert!(full.footprint_psnr_db > FULL && faded.footprint_psnr_db > FADED, "{full:?} {faded:?}");
+}
+
+/// What the surface hides is seen once it fades.
+#[test]
+fn a_faded_surface_shows_what_it_hides() {
+    let subject = Subject::new(DVec3::new(0.3, -1.0, 0.25));
+    let of = |interior, opacity| {
+        subject.difference_of(Options { gaussians: 5_000, interior, ..Options::default() }, opacity).footprint_psnr_db
+    };
+    let [shell, filled] = [0.0, Options::default().interior].map(|interior| [of(interior, 1.0), of(interior, 0.2)]);
+    assert!(filled[1] > shell[1] + 1.0 && filled[0] > shell[0] - 0.5, "{shell:?} {filled:?}");
 }
 
 /// Least PSNR over the footprint in dB. With centres that follow the lattice of the voxels, it was 27.4 and 21.4.

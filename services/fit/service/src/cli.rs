@@ -72,7 +72,7 @@ struct FitArgs {
     initial_only: bool,
     /// Scene of the same volume to train further, in place of a direct start: the `scene.toml` of an earlier run, or of the step
     /// before in a series.
-    #[arg(long, value_name = "scene.toml", conflicts_with_all = ["initial_only", "gaussians", "flattening"])]
+    #[arg(long, value_name = "scene.toml", conflicts_with_all = ["initial_only", "gaussians", "flattening", "interior"])]
     start: Option<PathBuf>,
     #[command(flatten)]
     training: TrainingArgs,
@@ -88,6 +88,10 @@ struct FitArgs {
     /// Thickness of Gaussians along the gradient at clear boundaries, relative to their cell. 1 does not flatten.
     #[arg(long, value_name = "F", default_value_t = Options::default().flattening, value_parser = flattening)]
     flattening: f64,
+    /// Importance of what its own base unit hides, relative to what is seen. Fading and cuts show it. With 0 nothing is placed
+    /// there.
+    #[arg(long, value_name = "S", default_value_t = Options::default().interior, value_parser = interior)]
+    interior: f64,
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none. Label volumes get the same.
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     spacing: Option<DVec3>,
@@ -139,6 +143,10 @@ fn gaussians(text: &str) -> Result<usize, String> {
 
 fn flattening(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|&f| f > 0.0 && f <= 1.0).ok_or_else(|| "give a number above 0 and at most 1".to_owned())
+}
+
+fn interior(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s| (0.0..=1.0).contains(s)).ok_or_else(|| "give a number from 0 to 1".to_owned())
 }
 
 fn spacing(text: &str) -> Result<DVec3, String> {
@@ -230,8 +238,13 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None => automatic_transfer_function(&field, volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
-    let options =
-        Options { gaussians: args.gaussians, seed: args.seed, flattening: args.flattening, ..Options::default() };
+    let options = Options {
+        gaussians: args.gaussians,
+        seed: args.seed,
+        flattening: args.flattening,
+        interior: args.interior,
+        ..Options::default()
+    };
     let keeping = match &args.keep_in {
         Some(folder) => {
             let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;

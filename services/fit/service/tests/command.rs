@@ -285,6 +285,7 @@ fn wrong_input_ends_with_status_2_and_one_line() {
         with(&["--start", "scene.toml"]),
         with(&["--gaussians", "0"]),
         with(&["--flattening", "2"]),
+        with(&["--interior", "-1"]),
         with(&["--labels", volume]),
         vec!["phantom", "--out", "x", "--size", "3"],
     ] {
