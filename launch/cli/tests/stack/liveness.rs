@@ -85,7 +85,9 @@ fn hung_work_is_told_and_then_restarted() {
     let sandbox = Sandbox::new();
     let mut up = one(&sandbox, "progress = 4", "work_ms = 3600000");
     // Its process sends signs of life all along.
-    let busy = sandbox.wait("f", "one", |s| s["busy"].as_str().is_some_and(|b| b.contains("waiting")));
+    // Either part may come a moment before the other.
+    let is_whole = |busy: &str| busy.contains("busy with a message") && busy.contains("waiting");
+    let busy = sandbox.wait("f", "one", |s| s["busy"].as_str().is_some_and(is_whole));
     let told = busy["busy"].as_str().unwrap();
     assert!(told.starts_with("busy with a message for ") && told.contains("1 waiting, the oldest for "), "{told}");
     assert_eq!(busy["restarts"], 0);
