@@ -4,7 +4,7 @@
 //! [direct start](crate::direct) instead of random points, so geometry and shading are trained together. Colours, normals and
 //! shading factors are those of the shading model itself, under several lights. Views of single base units keep what others hide.
 //!
-//! Each step draws one view with [`sg_raster::gradient`], takes the [loss] and its derivatives, and moves all attributes by
+//! Each step draws one view with [`sg_raster::gradient`], takes the [`loss()`] and its derivatives, and moves all attributes by
 //! Adam. Rates fall over the run. The scene with the best held-out pictures is the result, so no step makes it
 //! worse than its start.
 

@@ -130,7 +130,7 @@ mod tests {
         let counts = [7, 5, 6];
         let place = |i: usize| [i % 7, i / 7 % 5, i / 35];
         for seed in 0..20_usize {
-            let visible = |i: usize| (i * 7919 + seed * 104_729) % 61 == 0;
+            let visible = |i: usize| (i * 7919 + seed * 104_729).is_multiple_of(61);
             let mut found: Vec<u8> = (0..210).map(|i| if visible(i) { 0 } else { u8::MAX }).collect();
             spread_distances(&mut found, counts);
             for (i, found) in found.iter().enumerate() {

@@ -62,8 +62,8 @@ struct FilmReport<'a> {
 
 /// What the pictures show.
 enum Source<'a> {
-    Gaussians(Painter<'a>),
-    Volume(&'a SeenVolume, RayMarcher<'a>),
+    Gaussians(Box<Painter<'a>>),
+    Volume(&'a SeenVolume, Box<RayMarcher<'a>>),
 }
 
 /// Makes the film; a stopped one keeps its finished pictures.
@@ -89,8 +89,8 @@ pub(super) fn make(picture: &Picture) -> Result<(), Failure> {
     let look = Look::new(picture, &scene, first, appearance)?;
     let stopped = watch_interrupts().map_err(Failure::work)?;
     let mut source = match volume.as_ref().zip(marcher) {
-        Some((volume, marcher)) => Source::Volume(volume, marcher),
-        None => Source::Gaussians(Painter::new(picture, scene, &look)?),
+        Some((volume, marcher)) => Source::Volume(volume, Box::new(marcher)),
+        None => Source::Gaussians(Box::new(Painter::new(picture, scene, &look)?)),
     };
     let (plain, finish) = look.finish(picture);
     let rate = picture.fps.unwrap_or(DEFAULT_RATE);

@@ -1,6 +1,6 @@
 //! The fast twin of ray marching: the same samples in f32.
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{Mat3, Vec3};
 
 use super::stencil::Stencil;
 use super::{Illumination, Lighting, Material, Ray, RayMarcher, Seen};
@@ -93,7 +93,7 @@ impl<'a> FastMarcher<'a> {
             Some((material, light)) => {
                 let gradient = cell.and_then(|cell| self.stencil.gradient(cell)).filter(|g| g.is_finite());
                 let gradient = gradient.map_or_else(
-                    || self.of.field.gradient(DVec3::from(place.as_dvec3())),
+                    || self.of.field.gradient(place.as_dvec3()),
                     |per_voxel| self.gradient_to_world * per_voxel,
                 );
                 material.shaded(own, -gradient.normalize_or_zero(), to_eye, *light)
@@ -106,7 +106,7 @@ impl<'a> FastMarcher<'a> {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DMat4};
+    use glam::{DMat3, DMat4, DVec3};
 
     use super::super::{ClipRegion, HalfSpace, Image, Pinhole};
     use super::*;
