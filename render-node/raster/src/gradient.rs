@@ -27,7 +27,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use sg_scene::appearance::{Appearance, PixelFilter, ShadingTerm};
 use sg_scene::camera::Camera;
-use sg_scene::model::Scene;
+use sg_scene::model::{BaseUnit, Scene};
 
 use crate::cutoffs::Limits;
 use crate::depth::near_to_far;
@@ -58,9 +58,9 @@ pub enum GradientError {
         "the appearance has edits, a map of colours or a part of the shading; train the scene as its file shows it"
     )]
     Edited,
-    /// A pixel filter that compensates the opacity.
-    #[error("a compensating pixel filter is not trained; use the plain filter")]
-    Filter,
+    /// A preview, which stands for a larger picture.
+    #[error("a preview is not trained on; use a picture at its own size")]
+    Preview,
     /// The derivatives are of another picture.
     #[error("{found} derivatives for {expected} pixels")]
     Pixels {
@@ -281,12 +281,16 @@ fn check_trainable(scene: &Scene, appearance: &Appearance, camera: &Camera) -> R
     if !units.is_empty() || overlay.is_some() || colors.is_some() || occlusion.is_some() || *term != ShadingTerm::Full {
         return Err(GradientError::Edited);
     }
-    let is_compensated = match appearance.filter {
+    if camera.preview_scale < 1.0 { Err(GradientError::Preview) } else { Ok(()) }
+}
+
+/// Whether opacities make up for the dilation of a unit's Gaussians.
+fn is_compensated(unit: &BaseUnit, appearance: &Appearance) -> bool {
+    match appearance.filter {
         PixelFilter::Plain => false,
         PixelFilter::Compensated => true,
-        PixelFilter::FromFile => scene.units.iter().any(|u| u.gaussians.antialiased),
-    };
-    if is_compensated || camera.preview_scale < 1.0 { Err(GradientError::Filter) } else { Ok(()) }
+        PixelFilter::FromFile => unit.gaussians.antialiased,
+    }
 }
 
 /// The background in f64.

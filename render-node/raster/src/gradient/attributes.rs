@@ -6,9 +6,9 @@ use sg_scene::appearance::{Appearance, BaseAppearance};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::{BaseUnit, ShadingModel};
 
-use crate::gradient::GaussianGradient;
 use crate::gradient::lighting::by_surface;
 use crate::gradient::tile::SUMS;
+use crate::gradient::{GaussianGradient, is_compensated};
 use crate::project::Ellipse;
 use crate::ray_consistent::Pinhole;
 use crate::shading::Surface;
@@ -28,6 +28,8 @@ pub(super) struct UnitChain<'a> {
     local_to_view: DMat3,
     normals: NormalTransform,
     focal: DVec2,
+    /// Variance in px² that the opacity makes up for; `None` with the plain filter.
+    compensated: Option<f64>,
 }
 
 impl<'a> UnitChain<'a> {
@@ -64,6 +66,7 @@ impl<'a> UnitChain<'a> {
             local_to_view: scene_to_view * linear,
             normals: NormalTransform::of(linear),
             focal: Pinhole::of(camera).focal,
+            compensated: is_compensated(unit, appearance).then(|| Pinhole::of(camera).dilation),
         }
     }
 
@@ -94,7 +97,7 @@ impl<'a> UnitChain<'a> {
         i: usize,
         position: DVec3,
         ellipse: &Ellipse,
-        [_, gu, gv, guu, guv, gvv, ..]: &[f64; SUMS],
+        [g, gu, gv, guu, guv, gvv, ..]: &[f64; SUMS],
         found: &mut GaussianGradient,
     ) -> Option<DVec3> {
         let Ellipse { slope, along_row, over_rows, .. } = *ellipse;
@@ -116,7 +119,14 @@ impl<'a> UnitChain<'a> {
         let center = self.scene_to_view * (position - self.eye);
         let (on_plane, pixels) = (center.truncate() / center.z, self.focal / center.z);
         let m = [pixels.x * (x - on_plane.x * z), pixels.y * (y - on_plane.y * z)];
-        let by_m = [2.0 * by_a * m[0] + by_b * m[1], 2.0 * by_c * m[1] + by_b * m[0]];
+        let mut by_m = [2.0 * by_a * m[0] + by_b * m[1], 2.0 * by_c * m[1] + by_b * m[0]];
+        if let Some(variance) = self.compensated {
+            // The opacity has the factor √(det S / det(S + εI)) with S = m·mᵀ, and ∂ ln det S/∂m = 2·S⁻¹·m.
+            let dilated = inverse_times(m, variance);
+            by_m.iter_mut().zip(inverse_times(m, 0.0)).zip(dilated).for_each(|((by, own), dilated)| {
+                *by += g * (own - dilated);
+            });
+        }
         let by_rows = [
             pixels.x * by_m[0],
             pixels.y * by_m[1],
@@ -173,6 +183,14 @@ impl<'a> UnitChain<'a> {
             if distance > 0.0 { (to_eye * to_eye.dot(by_to_eye) - by_to_eye) / distance } else { DVec3::ZERO };
         Some((by_position, self.palette_open * by.diffuse_color))
     }
+}
+
+/// (m·mᵀ + variance·I)⁻¹·m, by rows. Zero where m·mᵀ has no inverse: the Gaussian has no area and is not drawn.
+fn inverse_times([x, y]: [DVec3; 2], variance: f64) -> [DVec3; 2] {
+    let (a, b, c) = (x.length_squared() + variance, x.dot(y), y.length_squared() + variance);
+    // |x × y|² has no cancellation where the Gaussian is thin.
+    let determinant = x.cross(y).length_squared() + variance * (a + c - variance);
+    if determinant > 0.0 { [(c * x - b * y) / determinant, (a * y - b * x) / determinant] } else { [DVec3::ZERO; 2] }
 }
 
 /// Derivatives by a quaternion `[w, x, y, z]` of any length, from those by the columns of the rotation matrix.
