@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::Value;
 use sg_formats::Format;
 use sg_input::{file, unreadable};
-use sg_volume::ENDINGS;
+use sg_volume::is_volume_path;
 
 use crate::opening_window::{OpeningWindow, PREPARED};
 use crate::subcommands::{json_of, json_watched};
@@ -149,10 +149,9 @@ fn scene_of_project(project: &Path) -> Result<Scene, Failure> {
 
 /// Whether the name alone tells a readable format. Content does not decide then: a `.nii.gz` begins as an archive does.
 fn is_certain(path: &Path, is_scene: bool) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     // A folder without a scene file may hold the slices of another format.
     let is_scene = is_scene && (!path.is_dir() || path.join("scene.toml").exists());
-    is_scene || ENDINGS.into_iter().any(|ending| name.ends_with(ending))
+    is_scene || is_volume_path(path)
 }
 
 /// Where a fit puts its scene.

@@ -15,7 +15,6 @@ use sg_raster::pick;
 use sg_raster::render::Rendered;
 use sg_raster::report::Report;
 use sg_scene::camera::Camera;
-use sg_scene::framing;
 
 mod counts;
 mod failure;
@@ -34,9 +33,6 @@ use names::{
 };
 use values::{Background, background, color, factor, length, lengths, numbers, share, step};
 use volume::SeenVolume;
-
-/// Edge of the picture where neither a camera nor a size is given.
-const DEFAULT_SIZE: u32 = 1024;
 
 /// Examples in the help of the command.
 pub(crate) const EXAMPLES: &str = "Examples:
@@ -283,11 +279,7 @@ fn draw(picture: &Picture) -> Result<(), Failure> {
     }
     let scene = look::read_scene(picture)?;
     let appearance = look::clipped(picture, &scene);
-    let camera = camera.unwrap_or_else(|| {
-        let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
-        framing::default_camera_of(&scene, &appearance, width, height)
-    });
-    let camera = look::lit(picture, &scene, camera);
+    let camera = look::camera(picture, &scene, &appearance, camera);
     let look = Look::new(picture, &scene, &camera, appearance)?;
     let count = || counts::count(picture, &scene, &look.appearance, &camera, look::settings(picture));
     let work = picture.counts.then(count).transpose()?;

@@ -28,6 +28,9 @@ use super::names::{BackendName, LightName};
 use super::show;
 use super::values::{Background, backdrop};
 
+/// Edge of the picture where neither a camera nor a size is given.
+const DEFAULT_SIZE: u32 = 1024;
+
 /// The scene of the command; prints its warnings.
 pub(super) fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
     let options = LoadOptions {
@@ -45,6 +48,15 @@ pub(super) fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
 /// The appearance before it is known from where it is seen.
 pub(super) fn clipped(picture: &Picture, scene: &Scene) -> Appearance {
     Appearance { clips: clips(picture), ..Appearance::of(scene) }
+}
+
+/// The camera of a single picture: the given one, or one that frames the scene, in the light and before the background of the options.
+pub(super) fn camera(picture: &Picture, scene: &Scene, appearance: &Appearance, given: Option<Camera>) -> Camera {
+    let camera = given.unwrap_or_else(|| {
+        let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
+        framing::default_camera_of(scene, appearance, width, height)
+    });
+    lit(picture, scene, camera)
 }
 
 /// The camera with the near distance, the light and the background of the options.

@@ -12,7 +12,6 @@ use sg_raster::image::Image;
 use sg_raster::volume::{empty_scene, fast_march, march, region};
 use sg_scene::appearance::Clip;
 use sg_scene::camera::Camera;
-use sg_scene::framing;
 use sg_scene::model::Scene;
 use sg_volume::dvr::RayMarcher;
 use sg_volume::{
@@ -23,7 +22,7 @@ use sg_volume::{
 use super::failure::Failure;
 use super::look::{self, Look};
 use super::names::{BackendName, FilterName, ProjectionName, QualityName, RasterizerName, TermName};
-use super::{DEFAULT_SIZE, Picture, print_json};
+use super::{Picture, print_json};
 
 /// Name of the method in reports.
 pub(super) const BACKEND: &str = "ray marching on the cores";
@@ -113,14 +112,10 @@ impl SeenVolume {
 /// Draws one picture of a volume.
 pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera>, read: f64) -> Result<(), Failure> {
     let Some(out) = &picture.out else { return Err(Failure::input("name the picture to write with --out")) };
-    let clips = look::clips(picture);
-    let (marcher, place) = volume.marcher(&clips)?;
-    let camera = camera.unwrap_or_else(|| {
-        let [width, height] = [picture.width, picture.height].map(|edge| edge.unwrap_or(DEFAULT_SIZE));
-        framing::default_camera(&place, width, height)
-    });
-    let camera = look::lit(picture, &place, camera);
-    let look = Look::new(picture, &place, &camera, look::clipped(picture, &place))?;
+    let (marcher, place) = volume.marcher(&look::clips(picture))?;
+    let appearance = look::clipped(picture, &place);
+    let camera = look::camera(picture, &place, &appearance, camera);
+    let look = Look::new(picture, &place, &camera, appearance)?;
     let clock = Instant::now();
     let image = volume.draw(&marcher, &camera);
     let seconds = clock.elapsed().as_secs_f64();

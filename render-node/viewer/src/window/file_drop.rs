@@ -7,7 +7,7 @@ use sg_formats::Format;
 use sg_input::unreadable;
 use sg_scene::camera::Camera;
 use sg_scene::view::View;
-use sg_volume::ENDINGS;
+use sg_volume::{ENDINGS, is_volume_path};
 
 /// Ending of a project's file.
 pub(super) const PROJECT: &str = ".sgproj";
@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
     if name.ends_with(PROJECT) {
         return Ok(DroppedFile::Other);
     }
-    let is_volume = ENDINGS.into_iter().any(|ending| name.ends_with(ending));
+    let is_volume = is_volume_path(path);
     let is_scene = Format::is_scene_path(path);
     // A folder without a scene file may hold the slices of another format.
     let is_certain = is_volume || is_scene && (!path.is_dir() || path.join("scene.toml").exists());

@@ -85,7 +85,7 @@ pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
 /// [`ReadError`]; also if the volume exceeds the limits.
 pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadError> {
     let source = Source { path, limits };
-    let name = source.file_name().to_ascii_lowercase();
+    let name = lower_case_name(path);
     let format = match FORMATS.iter().find(|f| f.has_ending(&name)) {
         Some(format) => Some(format),
         None => {
@@ -108,21 +108,21 @@ pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadErr
 /// Whether the ending of the name is one of [`ENDINGS`].
 #[must_use]
 pub fn is_volume_path(path: &Path) -> bool {
-    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let name = lower_case_name(path);
     FORMATS.iter().any(|format| format.has_ending(&name))
 }
 
 /// Whether the name of a volume selects a format without spacing: raw voxels. [`Volume::with_spacing`] gives them one.
 #[must_use]
 pub fn lacks_spacing(path: &Path) -> bool {
-    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let name = lower_case_name(path);
     Format::of::<raw::Raw>().has_ending(&name)
 }
 
 /// Whether the name of a volume selects a format whose files may name another one with their voxels: NRRD and MetaImage headers.
 #[must_use]
 pub fn reads_beside(path: &Path) -> bool {
-    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let name = lower_case_name(path);
     FORMATS.iter().any(|format| format.reads_beside() && format.has_ending(&name))
 }
 
@@ -132,11 +132,16 @@ pub fn reads_beside(path: &Path) -> bool {
 /// # Errors
 /// [`WriteError`] for another format or name, or an error of the writer.
 pub fn write_volume(path: &Path, volume: &Volume, writer: &mut dyn Write) -> Result<(), WriteError> {
-    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let name = lower_case_name(path);
     match FORMATS.iter().find(|f| f.has_ending(&name)) {
         Some(format) => format.write(path, volume, writer),
         None => Err(WriteError::Ending { path: path.to_owned() }),
     }
+}
+
+/// The last component of a path, as endings are compared with it; empty if there is none.
+fn lower_case_name(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
 #[cfg(test)]

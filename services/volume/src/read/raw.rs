@@ -31,7 +31,7 @@ impl VolumeFormat for Raw {
     }
 
     fn write(path: &Path, volume: &Volume, mut writer: &mut dyn Write) -> Result<(), WriteError> {
-        let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let name = super::lower_case_name(path);
         let Some(stem) = name.strip_suffix(".raw") else {
             return Err(WriteError::Ending { path: path.to_owned() });
         };
