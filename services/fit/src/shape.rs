@@ -12,10 +12,13 @@ use crate::importance::Candidate;
 use crate::placement::Points;
 
 /// Standard deviation of a Gaussian relative to that of its cell, for a nearly clear cell. A cell of a regular tiling has
-/// h/√12, so the Gaussian has about 0.42 h.
-const OVERLAP_CLEAR: f64 = 1.45;
+/// h/√12, so the Gaussian has about 0.45 h.
+const OVERLAP_CLEAR: f64 = 1.55;
 /// The ratio for an opaque cell: an opaque Gaussian covers more than one standard deviation.
-const OVERLAP_OPAQUE: f64 = 1.25;
+const OVERLAP_OPAQUE: f64 = 1.35;
+/// Further optical depth at a clear boundary, relative to that of its cell. One layer of Gaussians is uneven, and an uneven
+/// layer of the same mean depth lets more light through.
+const SURFACE_DEPTH: f64 = 0.2;
 /// Least length of an axis, relative to the middle one.
 const LEAST_RATIO: f64 = 0.2;
 /// Largest length of an axis, relative to the next one.
@@ -104,8 +107,9 @@ impl GaussianBuilder<'_> {
         let density = sums.integrated_extinction / (TAU * lengths.x * lengths.y);
         let scale = lengths * (OVERLAP_CLEAR + (OVERLAP_OPAQUE - OVERLAP_CLEAR) * smoothstep(1.0, 5.0, density));
         // Along its shortest axis, the optical depth of a Gaussian of opacity o integrates to 2π·s₁·s₂·Li₂(o) over the
-        // image. This integral must equal the integrated extinction of the cell.
-        let opacity = opacity_of(sums.integrated_extinction / (TAU * scale.x * scale.y));
+        // image. Away from surfaces this integral must equal the integrated extinction of the cell.
+        let depth = sums.integrated_extinction * (1.0 + SURFACE_DEPTH * surfaceness);
+        let opacity = opacity_of(depth / (TAU * scale.x * scale.y));
         let rotation = DQuat::from_mat3(&oriented(axes, normal));
         let captured = self.captured(members, points, list, mean, rotation, scale) / sums.weight;
         Some(Splat {

@@ -30,7 +30,7 @@ pub struct Gaussians {
     pub harmonics: Option<Harmonics>,
     /// Columns of the file that nothing here interprets; written back unchanged.
     pub extra: Vec<ExtraColumn>,
-    /// Whether they were trained with a pixel filter that compensates the opacity ([`crate::appearance::PixelFilter`]).
+    /// Whether they were made for a pixel filter that compensates the opacity ([`crate::appearance::PixelFilter`]).
     pub antialiased: bool,
 }
 
