@@ -4,7 +4,7 @@
 //! | --- | --- | --- | --- |
 //! | mark | `splats` | `centers`, `shapes`, `units`, `edits`, `masks`, `clip_sides` | `marked`, `block_counts` |
 //! | list | `splats` | `marked`, `parts` | `listed`, `part_ranges`, `totals`, `dispatches`, `part_dispatches` |
-//! | project | `splats` | `listed`, columns of the scene, appearance | `ellipses`, `levels`, `tints`, `rays`, `depth_keys` |
+//! | project | `splats` | `listed`, columns of the scene, appearance, `clip_sides` | `ellipses`, `levels`, `tints`, `rays`, `depth_keys` |
 //! | sort | `radix_sort` | `depth_keys` | `depth_order` |
 //! | blend by tiles | `tiles`, `ray_tiles` | splats, `depth_order`, `shown_before` | pictures, depth textures, `longest_list` |
 //! | or quadrilaterals | `quads`, `early_out`, `visibility_mask` | splats, `depth_order` | `blended` |

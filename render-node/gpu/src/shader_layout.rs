@@ -54,6 +54,8 @@ shared_constants! {
     FADE_REACH: f32 = nearness::FADE_REACH as f32;
     /// [`nearness::AFFINE_SIZE`].
     AFFINE_SIZE: f32 = nearness::AFFINE_SIZE as f32;
+    /// [`sg_raster::CUT_REACH`].
+    CUT_REACH: f32 = sg_raster::CUT_REACH as f32;
     /// [`nearness::STEEP`].
     STEEP: f32 = nearness::STEEP as f32;
     /// Start of [`nearness::RAY_RANGE`].

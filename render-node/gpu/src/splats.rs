@@ -86,7 +86,12 @@ impl SplatPasses {
     pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers) -> Self {
         let of_scene = include_str!("shaders/scene.wgsl");
         let cull = [of_scene, include_str!("shaders/cull.wgsl")];
-        let project = [of_scene, include_str!("shaders/ray_project.wgsl"), include_str!("shaders/project.wgsl")];
+        let project = [
+            of_scene,
+            include_str!("shaders/cut.wgsl"),
+            include_str!("shaders/ray_project.wgsl"),
+            include_str!("shaders/project.wgsl"),
+        ];
         let list = Shader::new(gpu, "list", &[include_str!("shaders/list.wgsl")]);
         let counts = [("BLOCKS", f64::from(scene.blocks)), ("PARTS", scene.parts.len() as f64)];
         Self {
@@ -149,6 +154,7 @@ impl KeyedKernels {
             ("COLORS", flag(key.colors)),
             ("OCCLUDED", flag(key.occluded)),
             ("HALF", flag(key.half)),
+            ("CLIPS", flag(key.clips)),
             per_ray,
         ];
         Self { mark: Kernel::new(gpu, cull, "mark", &mark), project: Kernel::new(gpu, projection, "project", &project) }

@@ -17,6 +17,7 @@
 //! [`exact`] is the twin in f64 without any cut-off. Tests compare it with central differences of its own picture.
 
 mod attributes;
+mod cut;
 pub mod exact;
 mod lighting;
 mod tile;

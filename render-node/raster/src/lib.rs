@@ -27,6 +27,7 @@
 pub mod attributes;
 pub mod color_map;
 pub mod counts;
+mod cut;
 mod cutoffs;
 mod depth;
 pub mod finish;
@@ -53,6 +54,7 @@ pub mod structure;
 mod tiles;
 pub mod volume;
 
+pub use cut::REACH as CUT_REACH;
 pub use cutoffs::Limits;
 pub use project::{DILATION, NEAR, dilation};
 pub use tiles::TILE;

@@ -11,6 +11,7 @@ use sg_scene::appearance::{Appearance, PixelFilter};
 use sg_scene::camera::Camera;
 use sg_scene::model::{BaseUnit, Scene};
 
+use crate::cut::{Cutter, Shape};
 use crate::report::{Culled, Report};
 use crate::shading::{Look, UnitShader};
 
@@ -236,6 +237,7 @@ struct UnitProjector<'a> {
     eye: DVec3,
     scene_to_view: DMat3,
     local_to_view: DMat3,
+    cutter: Cutter,
     kept: f64,
 }
 
@@ -248,6 +250,7 @@ impl<'a> UnitProjector<'a> {
             eye,
             scene_to_view,
             local_to_view: scene_to_view * DMat3::from_mat4(unit.transform),
+            cutter: Cutter::of(appearance, scene_to_view, eye),
             kept: match appearance.filter {
                 PixelFilter::FromFile if unit.gaussians.antialiased => 0.0,
                 PixelFilter::Compensated => 0.0,
@@ -274,13 +277,19 @@ impl<'a> UnitProjector<'a> {
             return Err(Culled::NotFinite);
         }
         let in_scene = self.unit.transform.transform_point3(position.as_dvec3());
-        let look = self.shader.look(i, in_scene)?;
         // Relative to the eye first: far from the origin, rounding there moves all Gaussians alike and keeps their order.
         let center = self.scene_to_view * (in_scene - self.eye);
         let axes = DMat3::from_quat(gaussians.unit_rotation(i));
         let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
         let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * axes).transpose();
-        Ok(Placed { center, rows: [x_axis, y_axis, z_axis], look, kept: self.kept })
+        let (center, rows) = (center, [x_axis, y_axis, z_axis]);
+        if self.cutter.is_empty() {
+            return Ok(Placed { center, rows, look: self.shader.look(i, in_scene)?, kept: self.kept });
+        }
+        let cut = self.cutter.cut(Shape { center, rows }).ok_or(Culled::Clipped)?;
+        let look = self.shader.look(i, in_scene)?;
+        let look = Look { opacity: cut.opacity(look.opacity), ..look };
+        Ok(Placed { center: cut.shape.center, rows: cut.shape.rows, look, kept: self.kept })
     }
 }
 

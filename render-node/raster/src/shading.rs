@@ -138,9 +138,6 @@ impl<'a> UnitShader<'a> {
         if !self.base.visible {
             return Err(Culled::Hidden);
         }
-        if self.appearance.clips.iter().any(|clip| !clip.keeps(position)) {
-            return Err(Culled::Clipped);
-        }
         let mut replaced = self.unit.tint(self.base.palette);
         let mut factor = f64::from(self.base.opacity);
         let mut tone = Tone::NEUTRAL;

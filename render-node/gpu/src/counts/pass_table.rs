@@ -210,6 +210,7 @@ fn splats(table: &mut Table, frame: &Frame, counts: &Counts) {
                 Resource::read("surfaces", frame.surface_bytes * n).of("surfaces", part as u32),
                 Resource::read("harmonics", frame.harmonic_bytes * n).of("harmonics", part as u32),
                 Resource::read("colors", colored),
+                Resource::read("clip_sides", 0),
                 Resource::read("part_ranges", 0),
                 Resource::read("listed", WORD * n),
                 Resource::write("ellipses", 0, Ellipse::SHADER_SIZE.get() * splats),

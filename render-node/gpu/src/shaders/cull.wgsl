@@ -19,13 +19,15 @@ fn hidden(global: u32) -> bool {
     return false;
 }
 
-fn clipped(at: vec3<f32>) -> bool {
+// Whether the clips leave nothing of a ball. The outside of a region is kept where one of its sides is near.
+fn clipped(at: vec3<f32>, radius: f32) -> bool {
     var inside = true;
     for (var k = 0u; k < frame.clip_side_count; k++) {
         let side = clip_sides[k];
-        inside = inside && dot(side.normal, at) >= side.offset;
+        let keeps_inside = side.keep_inside == 1u;
+        inside = inside && dot(side.normal, at) >= side.offset + select(radius, -radius, keeps_inside);
         if side.last == 1u {
-            if inside != (side.keep_inside == 1u) {
+            if inside != keeps_inside {
                 return true;
             }
             inside = true;
@@ -62,10 +64,10 @@ fn may_reach(i: u32) -> bool {
     if MASKS && hidden(part.first + i) {
         return false;
     }
-    if CLIPS && clipped(center.position) {
+    let size = max(max(shape.scale.x, shape.scale.y), shape.scale.z) * units[unit].stretch;
+    if CLIPS && clipped(center.position, CUT_REACH * size) {
         return false;
     }
-    let size = max(max(shape.scale.x, shape.scale.y), shape.scale.z) * units[unit].stretch;
     // Edits may raise the opacity to 1 at most.
     let radius = sqrt(2.0 * log(max(1.0 / frame.least_alpha, frame.alpha_ratio)));
     for (var v = 0u; v < frame.view_count; v++) {

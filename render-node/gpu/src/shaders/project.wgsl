@@ -339,6 +339,12 @@ fn project_one(j: u32) {
     let ax = in_scene(unit, (shape.scale.x / longest) * turned(shape.rotation, vec3(1.0, 0.0, 0.0)));
     let ay = in_scene(unit, (shape.scale.y / longest) * turned(shape.rotation, vec3(0.0, 1.0, 0.0)));
     let az = in_scene(unit, (shape.scale.z / longest) * turned(shape.rotation, vec3(0.0, 0.0, 1.0)));
+    let axes = mat3x3(ax, ay, az);
+    var cut = Cut(center.position, axes, 1.0);
+    if CLIPS {
+        cut = cut_by_clips(center.position, axes, longest);
+    }
+    opacity = select(0.0, opacity, cut.mass > 0.0);
 
     var shared_color = vec3(0.0);
     let shares = frame.shared_shading == 1u;
@@ -352,12 +358,16 @@ fn project_one(j: u32) {
     var drawn = false;
     for (var v = 0u; v < frame.view_count; v++) {
         let view = frame.views[v];
-        let from_eye = away_from_eye(view, center.position);
+        let from_eye = away_from_eye(view, cut.position);
         let at = vec3(dot(view.right, from_eye), dot(view.down, from_eye), dot(view.forward, from_eye));
+        var towards_eye = opacity;
+        if CLIPS {
+            towards_eye = cut_opacity(opacity, axes, cut, direction(away_from_eye(view, center.position)));
+        }
         let rows = array(
-            vec3(dot(view.right, ax), dot(view.right, ay), dot(view.right, az)),
-            vec3(dot(view.down, ax), dot(view.down, ay), dot(view.down, az)),
-            vec3(dot(view.forward, ax), dot(view.forward, ay), dot(view.forward, az)),
+            view.right * cut.axes,
+            view.down * cut.axes,
+            view.forward * cut.axes,
         );
         var seen: Seen;
         // Twin of perspective() in nearness.rs.
@@ -366,9 +376,9 @@ fn project_one(j: u32) {
         let fades = may_fade(away, size, frame.near);
         if PER_RAY || fades || !(size < AFFINE_SIZE * at.z) {
             let part = select(clamp(size / (AFFINE_SIZE * at.z) - 1.0, 0.0, 1.0), 1.0, PER_RAY || fades || !(at.z > STEEP * away));
-            seen = seen_by_rays(view, at, rows, longest, opacity, kept, part);
+            seen = seen_by_rays(view, at, rows, longest, towards_eye, kept, part);
         } else {
-            seen = seen_affinely(view, at, rows, longest, opacity, kept, ray_share(away, frame.near));
+            seen = seen_affinely(view, at, rows, longest, towards_eye, kept, ray_share(away, frame.near));
         }
         var color = shared_color;
         if !shares {

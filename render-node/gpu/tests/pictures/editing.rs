@@ -188,7 +188,8 @@ fn the_overlay_comes_after_shading() {
 
 #[test]
 fn clips_hide_gaussians_outside() {
-    let at = |x: f32, z: f32| Blob { position: Vec3::new(x, 0.0, z), ..Blob::default() };
+    // All planes are more than three standard deviations away.
+    let at = |x: f32, z: f32| Blob { position: Vec3::new(x, 0.0, z), log_scale: Vec3::splat(-4.0), ..Blob::default() };
     let row = [at(-0.5, 2.0), at(0.0, 2.0), at(0.5, 2.0), at(0.5, 4.0)];
     let scene = scene(&row);
     let camera = camera(20.0, 33, 33);
@@ -201,8 +202,6 @@ fn clips_hide_gaussians_outside() {
     for (clips, kept) in [
         (vec![plane(0.25, 1.0)], vec![2, 3]),
         (vec![plane(0.25, -30.0)], vec![0, 1]),
-        // A centre on the plane is kept.
-        (vec![plane(0.5, 1.0)], vec![2, 3]),
         (vec![plane(-0.25, 1.0), plane(0.25, -1.0)], vec![1]),
         (vec![box_of(true)], vec![0, 1]),
         (vec![box_of(false)], vec![2, 3]),
@@ -228,6 +227,35 @@ fn clips_hide_gaussians_outside() {
     appearance.units = vec![UnitAppearance { visible: false, ..edit(&[true, false, true, false], None, 1.0) }];
     let report = render(&scene, &appearance, &camera, Exact).unwrap().report;
     assert_eq!((report.hidden, report.clipped, report.drawn), (1, 2, 1));
+}
+
+/// The kept part of a faint Gaussian, by the optical depth of the picture: that of the whole times the share of its mass.
+#[test]
+fn clips_cut_gaussians() {
+    // Far away, so that the perspective within the Gaussian does not count.
+    let scene = scene(&[Blob { position: Vec3::new(0.0, 0.0, 40.0), logit: logit(0.02), ..Blob::default() }]);
+    let camera = camera(2000.0, 65, 65);
+    let depth = |clips: &[Clip]| {
+        let appearance = Appearance { clips: clips.to_vec(), ..Appearance::of(&scene) };
+        let image = render(&scene, &appearance, &camera, Exact).unwrap().image;
+        image.as_pixels().iter().map(|[_, _, _, a]| -f64::from(-a).ln_1p()).sum::<f64>()
+    };
+    let at = |x: f64, z: f64, normal: DVec3| Clip::plane(DVec3::new(x, 0.0, z), normal);
+    let whole = depth(&[]);
+    for (clips, kept, bound) in [
+        (vec![at(0.0, 40.0, DVec3::Z)], 0.5, 0.003),
+        (vec![at(0.0, 39.9, DVec3::NEG_Z)], 0.1587, 0.003),
+        // Beside the eye, the dilation widens the narrower part more.
+        (vec![at(0.0, 40.0, DVec3::X)], 0.5, 0.02),
+        (vec![at(-0.1, 40.0, DVec3::X)], 0.8413, 0.02),
+        (vec![at(0.0, 40.0, DVec3::X), at(0.0, 40.0, DVec3::Z)], 0.25, 0.02),
+    ] {
+        let found = depth(&clips) / whole;
+        assert!((found - kept).abs() < bound, "{clips:?}: {found} for {kept}");
+    }
+    // The part on the far side is the rest.
+    let sides = [DVec3::X, DVec3::NEG_X].map(|normal| depth(&[at(0.07, 40.0, normal)]));
+    assert!(((sides[0] + sides[1]) / whole - 1.0).abs() < 0.03, "{sides:?} {whole}");
 }
 
 /// Clips are in the scene frame, for any transform of the unit.

@@ -471,7 +471,8 @@ fn more_gaussians_near_the_eye_than_fit_are_refused_in_words() {
     println!("{error}");
     assert!(matches!(error, GpuError::TooManyNear { capacity: 0x10_0000, .. }), "{error}");
     // A part fits, and all of it is counted.
-    look.clips = vec![Clip::plane(DVec3::ZERO, DVec3::X)];
+    let mask = Arc::new(Mask::from_fn(scene.len(), |i| i % 2 == 0));
+    look.units = vec![UnitAppearance { mask, color: None, opacity: 1.0, visible: false, tone: Tone::NEUTRAL }];
     let (images, drawn) = renderer.picture(&view, &look, Settings::default()).unwrap();
     assert!(drawn.by_rays > 500_000 && drawn.by_rays == drawn.listed, "{drawn:?}");
     let want = render(&scene, &look, &view[0], Standard).unwrap().image;

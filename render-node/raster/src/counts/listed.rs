@@ -2,10 +2,11 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
-use sg_scene::appearance::{Appearance, BaseAppearance};
+use sg_scene::appearance::{Appearance, BaseAppearance, Clip};
 use sg_scene::camera::Camera;
 use sg_scene::model::{BaseUnit, Scene};
 
+use crate::cut::REACH;
 use crate::cutoffs::Limits;
 use crate::nearness::{AFFINE_SIZE, dilation_slope, may_fade};
 use crate::project::NEAR;
@@ -43,13 +44,20 @@ fn of_unit(unit: &BaseUnit, base: &BaseAppearance, appearance: &Appearance, view
             return false;
         }
         let at = unit.transform.transform_point3(position.as_dvec3());
-        if appearance.clips.iter().any(|clip| !clip.keeps(at)) {
+        let size = stretch * scale.max_element();
+        if appearance.clips.iter().any(|clip| !may_keep(clip, at, REACH * size)) {
             return false;
         }
-        let size = stretch * scale.max_element();
         views.iter().any(|view| view.may_reach(at, size, radius))
     };
     (0..g.len()).into_par_iter().filter(is_listed).count() as u64
+}
+
+/// Whether a clip may keep a part of a ball. The outside of a region is kept where one of its sides is near.
+fn may_keep(clip: &Clip, center: DVec3, radius: f64) -> bool {
+    let moved = if clip.keep_inside { -radius } else { radius };
+    clip.sides.iter().all(|side| side.normal.dot(center) >= side.offset + moved * side.normal.length())
+        == clip.keep_inside
 }
 
 /// One camera.

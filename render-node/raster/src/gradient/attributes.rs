@@ -6,6 +6,8 @@ use sg_scene::appearance::{Appearance, BaseAppearance};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::{BaseUnit, ShadingModel};
 
+use crate::cut::{Cutter, Shape};
+use crate::gradient::cut::{ByShape, backward};
 use crate::gradient::lighting::by_surface;
 use crate::gradient::tile::SUMS;
 use crate::gradient::{GaussianGradient, is_compensated};
@@ -26,6 +28,7 @@ pub(super) struct UnitChain<'a> {
     linear: DMat3,
     scene_to_view: DMat3,
     local_to_view: DMat3,
+    cutter: Cutter,
     normals: NormalTransform,
     focal: DVec2,
     /// Variance in px² that the opacity makes up for; `None` with the plain filter.
@@ -64,6 +67,7 @@ impl<'a> UnitChain<'a> {
             linear,
             scene_to_view,
             local_to_view: scene_to_view * linear,
+            cutter: Cutter::of(appearance, scene_to_view, camera.eye()),
             normals: NormalTransform::of(linear),
             focal: Pinhole::of(camera).focal,
             compensated: is_compensated(unit, appearance).then(|| Pinhole::of(camera).dilation),
@@ -79,31 +83,34 @@ impl<'a> UnitChain<'a> {
     ) -> Option<(GaussianGradient, DVec3)> {
         let gaussians = &self.unit.gaussians;
         let position = self.unit.transform.transform_point3(gaussians.position.get(i)?.as_dvec3());
-        let [g, .., red, green, blue] = *sums;
+        let [.., red, green, blue] = *sums;
         let mut found = GaussianGradient::default();
-        let by_place = self.shape(i, position, ellipse, sums, &mut found)?;
+        // ∂ ln o/∂ logit = 1 − σ, unless the factor of the unit has reached opacity 1.
+        let sigmoid = 1.0 / (1.0 + (-f64::from(*gaussians.opacity_logit.get(i)?)).exp());
+        let opacity = self.opacity * sigmoid;
+        let (by_place, by_log_opacity) = self.shape(i, position, opacity.min(1.0), ellipse, sums, &mut found)?;
         let by_color = DVec3::new(red, green, blue);
         let (by_position, by_palette) = self.shading(i, position, by_color, &mut found)?;
         found.position = self.linear.transpose() * (self.scene_to_view.transpose() * by_place + by_position);
-        // ∂ ln o/∂ logit = 1 − σ, unless the factor of the unit has reached opacity 1.
-        let sigmoid = 1.0 / (1.0 + (-f64::from(*gaussians.opacity_logit.get(i)?)).exp());
-        found.opacity_logit = if self.opacity * sigmoid < 1.0 { g * (1.0 - sigmoid) } else { 0.0 };
+        found.opacity_logit = if opacity < 1.0 { by_log_opacity * (1.0 - sigmoid) } else { 0.0 };
         Some((found, by_palette))
     }
 
-    /// Rotation and scale; returns the derivatives by the centre in view axes.
+    /// Rotation and scale; returns the derivatives by the centre in view axes, and that by the logarithm of the opacity.
     fn shape(
         &self,
         i: usize,
         position: DVec3,
+        opacity: f64,
         ellipse: &Ellipse,
         [g, gu, gv, guu, guv, gvv, ..]: &[f64; SUMS],
         found: &mut GaussianGradient,
-    ) -> Option<DVec3> {
+    ) -> Option<(DVec3, f64)> {
         let Ellipse { slope, along_row, over_rows, .. } = *ellipse;
         let c = over_rows * over_rows;
         // With ln α = ln o − ½(u² + v²), v = (y − my)/σ and u = (x − mx − slope·(y − my))/ρ.
         let by_center = DVec2::new(gu / along_row, gv / over_rows - slope * gu / along_row);
+        let on_screen = by_center.length();
         let by_slope = guv * over_rows / along_row;
         let (by_along, by_over) = (guu / along_row, gvv / over_rows);
         // Of the covariance ((a, b), (b, c)): σ² = c, slope = b/c, ρ² = a − b²/c.
@@ -115,8 +122,10 @@ impl<'a> UnitChain<'a> {
         let scale = gaussians.log_scale.get(i)?.as_dvec3().exp();
         let axes = DMat3::from_quat(gaussians.unit_rotation(i));
         let scaled = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
-        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = (self.local_to_view * scaled).transpose();
-        let center = self.scene_to_view * (position - self.eye);
+        let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * scaled).transpose();
+        let whole = Shape { center: self.scene_to_view * (position - self.eye), rows: [x_axis, y_axis, z_axis] };
+        let cut = self.cutter.cut(whole)?;
+        let Shape { center, rows: [x, y, z] } = cut.shape;
         let (on_plane, pixels) = (center.truncate() / center.z, self.focal / center.z);
         let m = [pixels.x * (x - on_plane.x * z), pixels.y * (y - on_plane.y * z)];
         let mut by_m = [2.0 * by_a * m[0] + by_b * m[1], 2.0 * by_c * m[1] + by_b * m[0]];
@@ -134,9 +143,12 @@ impl<'a> UnitChain<'a> {
         ];
         let by_on_plane = self.focal * by_center - pixels * DVec2::new(by_m[0].dot(z), by_m[1].dot(z));
         let by_depth = -(by_m[0].dot(m[0]) + by_m[1].dot(m[1])) / center.z - by_on_plane.dot(on_plane) / center.z;
+        let by_center = by_on_plane.extend(by_depth * center.z) / center.z;
+        let by_kept = ByShape { center: by_center, rows: by_rows, log_opacity: *g };
+        let by_whole = backward(&cut, opacity, by_kept);
 
         // A = L·R·S with the linear map L of local to view.
-        let by_a = DMat3::from_cols(by_rows[0], by_rows[1], by_rows[2]).transpose();
+        let by_a = DMat3::from_cols(by_whole.rows[0], by_whole.rows[1], by_whole.rows[2]).transpose();
         let by_scaled = self.local_to_view.transpose() * by_a;
         let columns = |m: &DMat3| [m.x_axis, m.y_axis, m.z_axis];
         let (axis, by_axis) = (columns(&axes), columns(&by_scaled));
@@ -144,8 +156,8 @@ impl<'a> UnitChain<'a> {
         found.log_scale = DVec3::from_array(std::array::from_fn(|k| scales[k] * axis[k].dot(by_axis[k])));
         let by_rotation = std::array::from_fn(|k| scales[k] * by_axis[k]);
         found.rotation = by_quaternion(gaussians.rotation.get(i)?.map(f64::from), by_rotation);
-        found.on_screen = by_center.length();
-        Some(by_on_plane.extend(by_depth * center.z) / center.z)
+        found.on_screen = on_screen;
+        Some((by_whole.center, by_whole.log_opacity))
     }
 
     /// The shading attributes; returns the derivatives by the position in the scene frame and by the palette.

@@ -1,6 +1,7 @@
 use glam::{DMat4, DQuat, Vec3};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sg_scene::appearance::Clip;
 use sg_scene::camera::LightMode;
 use sg_scene::framing::default_camera;
 use sg_scene::model::{ShadingColumns, ShadingModel};
@@ -46,6 +47,14 @@ fn scene(n: usize, size: f32, seed: u64) -> Scene {
         * DMat4::from_scale(DVec3::new(-1.1, 0.9, 1.0))
         * DMat4::from_translation(DVec3::new(-9.0, 0.5, 0.3));
     scene
+}
+
+/// Two planes and the outside of a box, all through the middle of the scene.
+fn cuts(scene: &Scene) -> Vec<Clip> {
+    let middle = sg_scene::framing::visible_box(scene);
+    let middle = 0.5 * (middle.min + middle.max);
+    let corner = Clip::between(middle + DVec3::new(0.1, -9.0, -9.0), middle + DVec3::splat(9.0), false);
+    vec![Clip::plane(middle, DVec3::new(1.0, -0.5, 2.0)), corner]
 }
 
 fn weights(camera: &Camera, seed: u64) -> Vec<[f64; 4]> {
@@ -105,6 +114,10 @@ fn derivatives_are_those_of_central_differences_for_every_attribute() {
             appearance.base[0].multipliers = [1.1, 0.9, 1.2, 0.8];
             // One unit of each pixel filter; at this size the dilation is a good part of the Gaussians.
             scene.units[1].gaussians.antialiased = true;
+            if mode == LightMode::Direction {
+                // Two planes and the outside of a box, across Gaussians.
+                appearance.clips = cuts(&scene);
+            }
             let weights = weights(&camera, 5);
             let found = exact::gradients(&scene, &appearance, &camera, &weights).unwrap();
             let loss = |scene: &Scene| loss_of(scene, &appearance, &camera, &weights);

@@ -58,12 +58,12 @@ pub struct HalfSpace {
     pub offset: f64,
 }
 
-/// A clip plane or box. The position of a Gaussian's centre decides whether it is drawn.
+/// A clip plane or box. Pictures cut Gaussians that cross it; elsewhere the centre of a Gaussian decides whether it is visible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
     /// The enclosed region is their intersection: one for a plane, six for a box.
     pub sides: Vec<HalfSpace>,
-    /// Whether it draws the Gaussians inside it, or all others.
+    /// Whether it keeps its inside, or all else.
     pub keep_inside: bool,
 }
 
@@ -84,7 +84,7 @@ impl Clip {
         Self { sides: sides.collect(), keep_inside }
     }
 
-    /// Whether a centre at `point` of the scene frame is drawn.
+    /// Whether it keeps `point` of the scene frame.
     #[must_use]
     pub fn keeps(&self, point: DVec3) -> bool {
         self.sides.iter().all(|s| s.normal.dot(point) >= s.offset) == self.keep_inside
