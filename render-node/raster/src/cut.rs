@@ -1,9 +1,9 @@
 //! Gaussians across the planes of clips: each becomes the Gaussian of the part that is kept.
 //!
-//! A half-space at t standard deviations from the centre of a Gaussian keeps the share Φ(t) of its mass. The kept part has its mean
-//! m = φ(t)/Φ(t) standard deviations further in, along the conjugate direction of the plane, and the share 1 − m(m + t) of
-//! the variance across the plane: the moments of a truncated normal distribution (Johnson, Kotz and Balakrishnan 1994,
-//! section 13.10). The Gaussian with these three moments is drawn. Its optical depth follows from the mass and the area that the
+//! A half-space at t standard deviations from the centre of a Gaussian keeps the share Φ(t) of its mass. The mean of the kept
+//! part lies m = φ(t)/Φ(t) standard deviations further in, along the conjugate direction of the plane. Its variance across
+//! the plane is 1 − m(m + t) of the former one. These are the moments of a truncated normal distribution (Johnson, Kotz and
+//! Balakrishnan 1994, section 13.10). The Gaussian with these three moments is drawn. Its optical depth follows from the mass and the area that the
 //! eye sees. A cut through a solid is therefore flat, where whole Gaussians would leave it rough.
 //!
 //! Several planes cut one after the other. What a clip leaves of the outside of its region is cut by that side of the region

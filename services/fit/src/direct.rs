@@ -8,7 +8,7 @@
 //! 2. Systematic sampling spreads the centres over the importance. Relaxation moves them to centroids of Voronoi cells.
 //! 3. Each cell becomes one Gaussian along the cell's principal axes. Boundary cells are flattened along the gradient.
 //!
-//! The optical depth of a Gaussian's footprint equals that of its cell under the transfer function; at a clear boundary it is
+//! The optical depth of a Gaussian's footprint equals that of its cell under the transfer function. At a clear boundary it is
 //! a fifth more, since a single layer is uneven. The colour is the mean of the cell. The normal points towards falling
 //! values. The units are drawn with the compensating pixel filter ([`Gaussians::antialiased`]): by the plain one, Gaussians
 //! near the size of a pixel would be too dense.
