@@ -10,7 +10,7 @@ use crate::appearance::Appearance;
 use crate::model::{Scene, SceneBox};
 use crate::view::{MARGIN, View};
 
-/// Share of the opacity at either end that may be strays. Trained scenes have some, which would make all else tiny.
+/// Share of the weight at either end that may be strays. Trained scenes have some, which would make all else tiny.
 const STRAYS: f64 = 0.005;
 
 /// Share of the extent of all else by which a stray lies beyond it at least. What is nearer is the tip of a structure.
@@ -34,7 +34,8 @@ struct Extent {
     center: DVec3,
     /// Half axes of an ellipsoid.
     axes: DMat3,
-    /// Opacity, above 0.
+    /// Weight against strays, above 0: the opacity. In a scene from a volume it is 1: there the transfer function makes whole
+    /// structures faint, and training leaves no large faint strays.
     weight: f64,
 }
 
@@ -66,7 +67,8 @@ impl Subject {
                     opacity *= if edit.visible { f64::from(edit.opacity) } else { 0.0 };
                 }
                 if opacity >= VISIBLE {
-                    visible.push((unit, local, opacity.min(1.0)));
+                    let weight = if unit.gaussians.shading.is_some() { 1.0 } else { opacity.min(1.0) };
+                    visible.push((unit, local, weight));
                 }
             }
         }
@@ -304,6 +306,27 @@ mod tests {
         assert_eq!(bounds(&near, &hidden), None);
         let unit = SceneBox { min: DVec3::ZERO, max: DVec3::new(1.0, 2.0, 3.0) };
         assert_eq!(Subject::of_box(unit).bounds(), Some(unit));
+    }
+
+    /// A twentieth of the Gaussians, with a twentieth of the opacity, below the others: a leaf under its pot.
+    #[test]
+    fn a_faint_structure_of_a_volume_is_framed() {
+        let mut scene = cloud(None);
+        let gaussians = &mut scene.units[0].gaussians;
+        let lowest = gaussians.position.iter().map(|p| p.z).fold(f32::INFINITY, f32::min);
+        for i in (0..400).step_by(20) {
+            gaussians.position[i].z = lowest - 1.0 - i as f32 / 20.0;
+            gaussians.opacity_logit[i] = -3.0;
+        }
+        let camera = view_of(&scene, &Appearance::of(&scene)).unwrap().camera(300, 200);
+        let reach = |scene: &Scene| {
+            scene.units[0].gaussians.position.iter().map(|p| off(&camera, p.as_dvec3()).y).fold(0.0, f64::max)
+        };
+        assert!(reach(&scene) < 1.0, "{}", reach(&scene));
+        // The same in a trained file may be strays.
+        scene.units[0].gaussians.shading = None;
+        let trained = view_of(&scene, &Appearance::of(&scene)).unwrap();
+        assert_ne!(trained.camera(300, 200), camera);
     }
 
     #[test]
