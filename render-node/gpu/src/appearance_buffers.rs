@@ -305,14 +305,11 @@ fn replace<T: PartialEq>(kept: &mut Vec<T>, rows: impl Iterator<Item = T>) -> bo
 
 fn clip_sides(appearance: &Appearance, origin: DVec3) -> impl Iterator<Item = ClipSide> {
     let side = move |(clip, k): (&Clip, usize)| {
-        let side = clip.sides.get(k)?;
         // Unit length: f32 would round products of long normals away.
-        let length = side.normal.length();
-        let normal = side.normal / length;
-        let offset = side.offset / length - normal.dot(origin);
+        let side = clip.sides.get(k)?.relative_to(origin);
         Some(ClipSide {
-            normal: normal.as_vec3(),
-            offset: offset as f32,
+            normal: side.normal.as_vec3(),
+            offset: side.offset as f32,
             keep_inside: u32::from(clip.keep_inside),
             last: u32::from(k + 1 == clip.sides.len()),
         })

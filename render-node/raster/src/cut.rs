@@ -3,8 +3,8 @@
 //! A half-space at t standard deviations from the centre of a Gaussian keeps the share Φ(t) of its mass. The mean of the kept
 //! part lies m = φ(t)/Φ(t) standard deviations further in, along the conjugate direction of the plane. Its variance across
 //! the plane is 1 − m(m + t) of the former one. These are the moments of a truncated normal distribution (Johnson, Kotz and
-//! Balakrishnan 1994, section 13.10). The Gaussian with these three moments is drawn. Its optical depth follows from the mass and the area that the
-//! eye sees. A cut through a solid is therefore flat, where whole Gaussians would leave it rough.
+//! Balakrishnan 1994, section 13.10). The Gaussian with these three moments is drawn. Its optical depth follows from the mass
+//! and the area that the eye sees. A cut through a solid is therefore flat, where whole Gaussians would leave it rough.
 //!
 //! Several planes cut one after the other. What a clip leaves of the outside of its region is cut by that side of the region
 //! which the Gaussian is nearest to leaving, or farthest outside of.
@@ -12,36 +12,15 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DMat3, DVec3};
-use sg_scene::appearance::{Appearance, Clip};
+use sg_scene::appearance::{Appearance, Clip, HalfSpace};
 
 /// Standard deviations beyond which the plane of a clip leaves a Gaussian whole, or nothing of it: 0.13 % of the mass.
 pub const REACH: f64 = 3.0;
 
-/// A plane in view axes, with lengths of the scene, relative to the eye.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Plane {
-    /// Unit normal, towards the kept side.
-    pub(crate) normal: DVec3,
-    offset: f64,
-}
-
-impl Plane {
-    /// The plane that keeps the other side.
-    fn reversed(self) -> Self {
-        Self { normal: -self.normal, offset: -self.offset }
-    }
-}
-
-/// The clips of a picture in view axes, relative to the eye.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Cutter {
-    regions: Vec<Region>,
-}
-
+/// The clips of a picture in view axes, with unit normals, relative to the eye.
 #[derive(Debug, Clone)]
-struct Region {
-    sides: Vec<Plane>,
-    keep_inside: bool,
+pub(crate) struct Cutter {
+    clips: Vec<Clip>,
 }
 
 /// A Gaussian: its centre relative to the eye and the rows of the root A of its covariance A·Aᵀ, both in view axes.
@@ -94,56 +73,30 @@ impl Kept {
     }
 }
 
-/// What a clip does to a Gaussian.
-enum Fate {
-    Whole,
-    Gone,
-    Across(f64),
-}
-
-/// For a distance of the centre from the plane in standard deviations.
-fn fate(at: f64) -> Fate {
-    if at <= -REACH {
-        Fate::Gone
-    } else if at < REACH {
-        Fate::Across(at)
-    } else {
-        // And what is not a number: the projection refuses it.
-        Fate::Whole
-    }
-}
-
 impl Cutter {
     pub(crate) fn of(appearance: &Appearance, scene_to_view: DMat3, eye: DVec3) -> Self {
-        let region = |clip: &Clip| {
-            let plane = |side: &sg_scene::appearance::HalfSpace| {
-                // Relative to the eye in f64 before it is turned: far from the origin nothing cancels later.
-                let length = side.normal.length();
-                let (normal, offset) = (side.normal / length, side.offset / length);
-                Plane { normal: scene_to_view * normal, offset: offset - normal.dot(eye) }
-            };
-            Region { sides: clip.sides.iter().map(plane).collect(), keep_inside: clip.keep_inside }
+        let clip = |clip: &Clip| {
+            // Relative to the eye before it is turned: far from the origin nothing cancels later.
+            let turned = |side: HalfSpace| HalfSpace { normal: scene_to_view * side.normal, ..side };
+            let sides = clip.sides.iter().map(|side| turned(side.relative_to(eye))).collect();
+            Clip { sides, keep_inside: clip.keep_inside }
         };
-        Self { regions: appearance.clips.iter().map(region).collect() }
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.regions.is_empty()
+        Self { clips: appearance.clips.iter().map(clip).collect() }
     }
 
     /// The kept part; `None` if nothing is kept.
     pub(crate) fn cut(&self, shape: Shape) -> Option<Cut> {
         let mut cut = Cut { shape, steps: Vec::new(), mass: 1.0 };
-        for region in &self.regions {
-            if region.keep_inside {
-                for side in &region.sides {
+        for clip in &self.clips {
+            if clip.keep_inside {
+                for side in &clip.sides {
                     cut.by(side)?;
                 }
             } else {
                 // Nearest to the outside, or farthest out there.
-                let distance = |side: &&Plane| cut.shape.distance(side).0;
-                let side = region.sides.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-                cut.by(&side.reversed())?;
+                let distance = |side: &&HalfSpace| cut.shape.distance(side).0;
+                let side = clip.sides.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+                cut.by(&HalfSpace { normal: -side.normal, offset: -side.offset })?;
             }
         }
         Some(cut)
@@ -153,18 +106,30 @@ impl Cutter {
 impl Cut {
     /// The opacity of the kept part towards the eye, of a Gaussian of this opacity. Mass is optical depth times area.
     pub(crate) fn opacity(&self, opacity: f64) -> f64 {
-        let Some(first) = self.steps.first() else { return opacity };
-        let factor = self.mass * area_ratio(&first.before, &self.shape);
-        -(factor * (-opacity).ln_1p()).exp_m1()
+        if self.steps.is_empty() {
+            return opacity;
+        }
+        -(self.depth_factor() * (-opacity).ln_1p()).exp_m1()
     }
 
-    fn by(&mut self, plane: &Plane) -> Option<()> {
-        let (at, deviation, axis) = self.shape.distance(plane);
-        let at = match fate(at) {
-            Fate::Whole => return Some(()),
-            Fate::Gone => return None,
-            Fate::Across(at) => at,
-        };
+    /// The optical depth of the kept part towards the eye, over that of the whole. Both count as seen towards the centre of the
+    /// whole.
+    pub(crate) fn depth_factor(&self) -> f64 {
+        let whole = self.steps.first().map_or(&self.shape, |first| &first.before);
+        let [area, kept_area] = [whole, &self.shape].map(|shape| shape.seen_area(whole.center).length());
+        // A Gaussian without area is a needle or a point; its part is as wide.
+        self.mass * if kept_area > 0.0 { area / kept_area } else { 1.0 }
+    }
+
+    fn by(&mut self, side: &HalfSpace) -> Option<()> {
+        let (at, deviation, axis) = self.shape.distance(side);
+        if at <= -REACH {
+            return None;
+        }
+        // And what is not a number: the projection refuses it.
+        if at.is_nan() || at >= REACH {
+            return Some(());
+        }
         let kept = Kept::above(at);
         let before = self.shape;
         let narrowed = 1.0 - kept.variance.sqrt();
@@ -174,7 +139,7 @@ impl Cut {
             self.shape.rows[k] = row - narrowed * along * axis;
         }
         self.mass *= kept.mass;
-        self.steps.push(Step { normal: plane.normal, before, deviation, axis, kept });
+        self.steps.push(Step { normal: side.normal, before, deviation, axis, kept });
         Some(())
     }
 }
@@ -182,11 +147,11 @@ impl Cut {
 impl Shape {
     /// The distance of the centre from a plane in standard deviations, positive on the kept side; the standard deviation across it;
     /// and its axis Aᵀn/|Aᵀn|. A point is at an infinite distance.
-    fn distance(&self, plane: &Plane) -> (f64, f64, DVec3) {
+    fn distance(&self, &HalfSpace { normal, offset }: &HalfSpace) -> (f64, f64, DVec3) {
         let [x, y, z] = self.rows;
-        let across = plane.normal.x * x + plane.normal.y * y + plane.normal.z * z;
+        let across = normal.x * x + normal.y * y + normal.z * z;
         let deviation = across.length();
-        let distance = plane.normal.dot(self.center) - plane.offset;
+        let distance = normal.dot(self.center) - offset;
         if deviation > 0.0 {
             (distance / deviation, deviation, across / deviation)
         } else {
@@ -200,13 +165,6 @@ impl Shape {
         let [x, y, z] = self.rows;
         direction.x * y.cross(z) + direction.y * z.cross(x) + direction.z * x.cross(y)
     }
-}
-
-/// The area of a Gaussian that the eye sees, over that of its kept part. Both count as seen towards the former centre.
-fn area_ratio(before: &Shape, after: &Shape) -> f64 {
-    let [before, after] = [before, after].map(|shape| shape.seen_area(before.center).length());
-    // A Gaussian without area is a needle or a point; its part is as wide.
-    if after > 0.0 { before / after } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -109,6 +109,13 @@ pub fn hit_of(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian:
     Some(Hit { gaussian, depth, point })
 }
 
+/// The centre of a Gaussian as pictures draw it, in view axes relative to the eye: that of the kept part where a clip cuts it. `None`
+/// for one that is hidden, clipped away or not finite.
+#[must_use]
+pub fn drawn_center(scene: &Scene, appearance: &Appearance, camera: &Camera, gaussian: u32) -> Option<DVec3> {
+    Some(place_one(scene, appearance, camera, gaussian)?.center)
+}
+
 /// The front surface along the half-line from `origin` in `direction` (of any length, scene frame), evaluated per ray.
 ///
 /// `spread` is the angle of the ray in radians, at least 1e-6. Thinner Gaussians are widened to it, as a picture

@@ -282,11 +282,7 @@ impl<'a> UnitProjector<'a> {
         let axes = DMat3::from_quat(gaussians.unit_rotation(i));
         let axes = DMat3::from_cols(axes.x_axis * scale.x, axes.y_axis * scale.y, axes.z_axis * scale.z);
         let DMat3 { x_axis, y_axis, z_axis } = (self.local_to_view * axes).transpose();
-        let (center, rows) = (center, [x_axis, y_axis, z_axis]);
-        if self.cutter.is_empty() {
-            return Ok(Placed { center, rows, look: self.shader.look(i, in_scene)?, kept: self.kept });
-        }
-        let cut = self.cutter.cut(Shape { center, rows }).ok_or(Culled::Clipped)?;
+        let cut = self.cutter.cut(Shape { center, rows: [x_axis, y_axis, z_axis] }).ok_or(Culled::Clipped)?;
         let look = self.shader.look(i, in_scene)?;
         let look = Look { opacity: cut.opacity(look.opacity), ..look };
         Ok(Placed { center: cut.shape.center, rows: cut.shape.rows, look, kept: self.kept })

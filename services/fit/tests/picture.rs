@@ -42,7 +42,7 @@ impl Subject {
         for unit in &mut appearance.base {
             unit.opacity = opacity;
         }
-        self.difference_to(&scene, appearance, self.marched(opacity, Vec::new()))
+        self.difference_to(&scene, appearance, &self.marched(opacity, Vec::new()))
     }
 
     /// The volume by ray marching.
@@ -74,11 +74,11 @@ impl Subject {
         scene
     }
 
-    fn difference_to(&self, scene: &Scene, mut appearance: Appearance, marched: dvr::Image) -> Difference {
+    fn difference_to(&self, scene: &Scene, mut appearance: Appearance, marched: &dvr::Image) -> Difference {
         appearance.background = Vec3::ZERO;
         let image = render(scene, &appearance, &self.camera, Quality::Standard).unwrap().image;
         let mut reference = image.clone();
-        reference.rgba = marched.pixels.into_flattened();
+        reference.rgba = marched.pixels.as_flattened().to_vec();
         Difference::between(&image, &reference).unwrap()
     }
 }
@@ -131,10 +131,10 @@ fn a_cut_is_flat() {
             }
         }
     }
-    let marched = || subject.marched(1.0, vec![region(&clip)]);
-    let whole = subject.difference_to(&whole, Appearance::of(&whole), marched());
+    let marched = subject.marched(1.0, vec![region(&clip)]);
+    let whole = subject.difference_to(&whole, Appearance::of(&whole), &marched);
     let cut = Appearance { clips: vec![clip.clone()], ..Appearance::of(&scene) };
-    let cut = subject.difference_to(&scene, cut, marched());
+    let cut = subject.difference_to(&scene, cut, &marched);
     assert!(cut.footprint_psnr_db > whole.footprint_psnr_db + CUT_GAIN, "{whole:?} {cut:?}");
 }
 

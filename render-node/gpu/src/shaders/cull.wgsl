@@ -3,10 +3,8 @@
 // The order of the list is the order of the scene, so that Gaussians of equal depth keep their order in every picture. No
 // workgroup waits for another: block counts are written by one pass and summed by the next.
 
-override CLIPS: bool = false;
 override PER_RAY: bool = false;
 
-@group(0) @binding(7) var<storage, read> clip_sides: array<ClipSide>;
 @group(0) @binding(8) var<storage, read_write> marked: array<u32>;
 @group(0) @binding(9) var<storage, read_write> block_counts: array<u32>;
 

@@ -1,9 +1,5 @@
 // Gaussians across the planes of clips: the f32 twin of cut.rs. Axes are in units of the longest one.
 
-override CLIPS: bool = false;
-
-@group(0) @binding(19) var<storage, read> clip_sides: array<ClipSide>;
-
 // The kept part of a Gaussian.
 struct Cut {
     position: vec3<f32>,

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
-use sg_scene::appearance::{Appearance, BaseAppearance, Clip};
+use sg_scene::appearance::{Appearance, BaseAppearance};
 use sg_scene::camera::Camera;
 use sg_scene::model::{BaseUnit, Scene};
 
@@ -45,19 +45,12 @@ fn of_unit(unit: &BaseUnit, base: &BaseAppearance, appearance: &Appearance, view
         }
         let at = unit.transform.transform_point3(position.as_dvec3());
         let size = stretch * scale.max_element();
-        if appearance.clips.iter().any(|clip| !may_keep(clip, at, REACH * size)) {
+        if appearance.clips.iter().any(|clip| !clip.may_keep(at, REACH * size)) {
             return false;
         }
         views.iter().any(|view| view.may_reach(at, size, radius))
     };
     (0..g.len()).into_par_iter().filter(is_listed).count() as u64
-}
-
-/// Whether a clip may keep a part of a ball. The outside of a region is kept where one of its sides is near.
-fn may_keep(clip: &Clip, center: DVec3, radius: f64) -> bool {
-    let moved = if clip.keep_inside { -radius } else { radius };
-    clip.sides.iter().all(|side| side.normal.dot(center) >= side.offset + moved * side.normal.length())
-        == clip.keep_inside
 }
 
 /// One camera.

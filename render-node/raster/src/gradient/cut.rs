@@ -20,10 +20,7 @@ pub(super) fn backward(cut: &Cut, opacity: f64, by: ByShape) -> ByShape {
     let Some(first) = cut.steps.first() else { return by };
     let whole = &first.before;
     // With the optical depth L = −ln(1 − o), the kept part has the opacity 1 − exp(−f·L).
-    let (depth, kept_opacity) = (-(-opacity).ln_1p(), cut.opacity(opacity));
-    let [area, kept_area] = [whole, &cut.shape].map(|shape| shape.seen_area(whole.center));
-    let ratio = if kept_area.length() > 0.0 { area.length() / kept_area.length() } else { 1.0 };
-    let factor = cut.mass * ratio;
+    let (depth, kept_opacity, factor) = (-(-opacity).ln_1p(), cut.opacity(opacity), cut.depth_factor());
     let (mut log_opacity, mut by_log_factor) = (0.0, 0.0);
     if opacity < 1.0 && kept_opacity > 0.0 {
         let left = (-factor * depth).exp() / kept_opacity;
@@ -32,6 +29,7 @@ pub(super) fn backward(cut: &Cut, opacity: f64, by: ByShape) -> ByShape {
     }
     let mut by = ByShape { log_opacity, ..by };
     let mut by_direction = DVec3::ZERO;
+    let [area, kept_area] = [whole, &cut.shape].map(|shape| shape.seen_area(whole.center));
     let has_area = kept_area.length() > 0.0 && area.length() > 0.0;
     if has_area {
         let by_area = -by_log_factor / kept_area.length_squared() * kept_area;

@@ -58,6 +58,16 @@ pub struct HalfSpace {
     pub offset: f64,
 }
 
+impl HalfSpace {
+    /// The same half-space with a normal of unit length, for points relative to `origin`.
+    #[must_use]
+    pub fn relative_to(&self, origin: DVec3) -> Self {
+        let length = self.normal.length();
+        let normal = self.normal / length;
+        Self { normal, offset: self.offset / length - normal.dot(origin) }
+    }
+}
+
 /// A clip plane or box. Pictures cut Gaussians that cross it; elsewhere the centre of a Gaussian decides whether it is visible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
@@ -87,7 +97,16 @@ impl Clip {
     /// Whether it keeps `point` of the scene frame.
     #[must_use]
     pub fn keeps(&self, point: DVec3) -> bool {
-        self.sides.iter().all(|s| s.normal.dot(point) >= s.offset) == self.keep_inside
+        self.may_keep(point, 0.0)
+    }
+
+    /// Whether it may keep a part of the ball about `center` of the scene frame. The outside of a region may be kept where one of
+    /// its sides is near.
+    #[must_use]
+    pub fn may_keep(&self, center: DVec3, radius: f64) -> bool {
+        let moved = if self.keep_inside { -radius } else { radius };
+        let is_inside = |s: &HalfSpace| s.normal.dot(center) >= s.offset + moved * s.normal.length();
+        self.sides.iter().all(is_inside) == self.keep_inside
     }
 }
 

@@ -35,7 +35,7 @@ struct Extent {
     /// Half axes of an ellipsoid.
     axes: DMat3,
     /// Weight against strays, above 0: the opacity. In a scene from a volume it is 1: there the transfer function makes whole
-    /// structures faint, and training leaves no large faint strays.
+    /// structures faint.
     weight: f64,
 }
 
