@@ -31,14 +31,15 @@ use sg_gpu::{DeviceClass, Gpu, PassSeconds, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Projection, Quality, render};
+use sg_raster::volume::march;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::camera_path::CameraPath;
 use sg_scene::model::Scene;
 use sg_scene::{camera_motion, framing};
 use sg_tests::bench::quantile;
-use sg_tests::marched::Marched;
 use sg_tests::shells::{Look, shells};
+use sg_volume::dvr::RayMarcher;
 use sg_volume::read::read_volume;
 use sg_volume::transfer::TransferFunction;
 
@@ -288,13 +289,14 @@ fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
     walk.fov_y_degrees = arguments.field_of_view.unwrap_or(walk.fov_y_degrees);
     let name = arguments.scenes.first().unwrap();
     let scene = load(Path::new(name), &LoadOptions::default()).unwrap().scene;
-    let marched = arguments.volume.as_ref().zip(arguments.transfer_function.as_ref());
-    let marched = marched.map(|(volume, function)| {
+    let volume = arguments.volume.as_ref().zip(arguments.transfer_function.as_ref());
+    let volume = volume.map(|(volume, function)| {
         let field = read_volume(volume).unwrap().to_field();
         let function = TransferFunction::load(function).unwrap().function;
         let classifier = function.classifier(field.range()).unwrap();
-        Marched::new(field, classifier, &scene)
+        (field, classifier)
     });
+    let marcher = volume.as_ref().map(|(field, classifier)| RayMarcher::new(field, classifier.clone(), 0.5));
     let (width, height) = arguments.sizes.first().unwrap().split_once('x').unwrap();
     let size = [width.parse().unwrap(), height.parse().unwrap()];
     let look = Appearance { background: glam::Vec3::splat(0.2), ..Appearance::of(&scene) };
@@ -308,7 +310,7 @@ fn walk(arguments: &Arguments, path: &Path, gpu: Option<&Gpu>) {
         let quality = if arguments.standard_reference { Quality::Standard } else { Quality::Exact };
         let by_rays = sg_raster::render::Options { projection: Projection::PerRay, ..quality.into() };
         let exact = render(&scene, &look, &camera, by_rays).unwrap().image;
-        let marched = marched.as_ref().map(|marched| marched.picture(&camera));
+        let marched = marcher.as_ref().map(|marcher| march(marcher, &camera));
         let keep = |what: &str, image: &Image| {
             if let Some(folder) = &arguments.pictures {
                 std::fs::create_dir_all(folder).unwrap();

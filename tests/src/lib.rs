@@ -7,7 +7,6 @@ pub mod dropping;
 pub mod eval;
 pub mod hosts;
 pub mod made_scene;
-pub mod marched;
 mod minimizing;
 mod placement;
 pub mod plot;

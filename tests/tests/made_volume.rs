@@ -18,6 +18,7 @@ use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;
 use sg_raster::image_error::Difference;
 use sg_raster::render::{Projection, Quality, render};
+use sg_raster::volume::march;
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::camera_path::CameraPath;
@@ -26,7 +27,7 @@ use sg_selection::mask_agreement::Agreement;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
 use sg_selection::session::SelectionSession;
 use sg_selection::strokes::{Kind, Mode, Stroke};
-use sg_tests::marched::Marched;
+use sg_volume::dvr::RayMarcher;
 use sg_volume::field::Field;
 use sg_volume::phantom::{VesselTree, transfer_function};
 
@@ -248,7 +249,7 @@ fn jumps(from: &Image, to: &Image) -> Vec<f32> {
 fn no_block_of_pixels_jumps_in_steps_of_a_millimetre_through_the_wall() {
     let (field, scene, look, walk) = walked();
     let classifier = transfer_function().classifier(field.range()).unwrap();
-    let marched = Marched::new(field, classifier, &scene);
+    let marcher = RayMarcher::new(&field, classifier, 0.5);
     let [outside, inside] = walk.poses[2];
     let ahead = inside - outside;
     let (mut most, mut beyond) = (0.0_f32, 0.0_f32);
@@ -260,7 +261,7 @@ fn no_block_of_pixels_jumps_in_steps_of_a_millimetre_through_the_wall() {
             let step = CameraPath { poses: vec![[eye, eye + ahead]], fov_y_degrees: 60.0, ..walk.clone() };
             let camera = step.cameras([96, 80]).next().unwrap();
             let drawn = render(&scene, &look, &camera, Quality::Standard).unwrap().image;
-            let pictures = [drawn, marched.picture(&camera)];
+            let pictures = [drawn, march(&marcher, &camera)];
             if let Some(last) = &last {
                 for (drawn, volume) in jumps(&last[0], &pictures[0]).into_iter().zip(jumps(&last[1], &pictures[1])) {
                     most = most.max(drawn);

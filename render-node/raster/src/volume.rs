@@ -1,7 +1,7 @@
 //! Pictures of a volume by ray marching, with the camera, light, background and clips of scenes.
 //!
-//! They are what Gaussians of the volume should look like. Samples have the shading of clear boundaries everywhere
-//! ([`Material::SURFACE`]), in the rules of [`crate::shading`].
+//! Gaussians of the volume should look the same. Samples have the shading of [`Material::STANDARD`], in the rules of
+//! [`crate::shading`].
 
 use glam::{DMat4, Vec3};
 use sg_scene::appearance::Clip;
@@ -81,8 +81,9 @@ fn picture(camera: &Camera, march: impl FnOnce(&Pinhole, Lighting) -> dvr::Image
         world_to_camera: camera.view(),
     };
     let light = &camera.light;
-    let own = Material::SURFACE;
+    let own = Material::STANDARD;
     let material = Material {
+        haze_ambient: own.haze_ambient * light.ka,
         ambient: own.ambient * light.ka,
         diffuse: own.diffuse * light.kd,
         specular: own.specular * light.ks,

@@ -21,7 +21,7 @@ use serde::Serialize;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingColumns, ShadingModel};
 use sg_volume::dvr::Material;
 use sg_volume::transfer::Problem;
-use sg_volume::{Field, TransferFunction};
+use sg_volume::{Field, Surfaceness, TransferFunction};
 
 use crate::classification::{Classification, MAX_UNITS};
 use crate::importance::candidates;
@@ -55,10 +55,6 @@ impl Default for Options {
         Self { gaussians: 100_000, seed: 0, flattening: 0.6, interior: 0.1, relaxation_rounds: 1 }
     }
 }
-
-/// Ambient factor of Gaussians without a surface; they have no diffuse or specular part. The brightness is that of a boundary
-/// on average over view directions: 0.4 + 0.6·½.
-pub const HAZE_AMBIENT: f32 = 0.7;
 
 /// Standard deviation in voxels of the smoothing before gradients. Without it normals follow the noise of single voxels.
 const GRADIENT_SMOOTHING: f32 = 1.0;
@@ -236,6 +232,7 @@ pub fn direct_start(
         });
     }
     let smooth = field.smoothed(GRADIENT_SMOOTHING);
+    let surfaceness = Surfaceness::new(field, &classifier);
     seconds.classify = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -264,8 +261,12 @@ pub fn direct_start(
             seconds.placement += clock.elapsed().as_secs_f64();
             stage("shaping Gaussians");
             let clock = Instant::now();
-            let builder =
-                GaussianBuilder { classification: &classification, smooth: &smooth, flattening: options.flattening };
+            let builder = GaussianBuilder {
+                classification: &classification,
+                smooth: &smooth,
+                surfaceness: &surfaceness,
+                flattening: options.flattening,
+            };
             splats = (0..cells.len())
                 .into_par_iter()
                 .with_min_len(64)
@@ -345,8 +346,9 @@ fn mean_color(splats: &[Splat]) -> Vec3 {
 }
 
 fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> BaseUnit {
-    let Material { ambient, diffuse, specular, shininess } = Material::SURFACE;
-    let column = |f: &dyn Fn(&Splat) -> f32| splats.iter().map(f).collect::<Vec<f32>>();
+    let column = |f: fn(&Material) -> f32| -> Vec<f32> {
+        splats.iter().map(|s| f(&Material::STANDARD.with_surfaceness(s.surfaceness))).collect()
+    };
     let gaussians = Gaussians {
         position: splats.iter().map(|s| (s.position - shift).as_vec3()).collect(),
         rotation: splats
@@ -362,10 +364,10 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
         shading: Some(ShadingColumns {
             offset_color: splats.iter().map(|s| s.color - palette).collect(),
             normal: splats.iter().map(|s| s.normal).collect(),
-            ambient: column(&|s| HAZE_AMBIENT + s.surfaceness * (ambient - HAZE_AMBIENT)),
-            diffuse: column(&|s| s.surfaceness * diffuse),
-            specular: column(&|s| s.surfaceness * specular),
-            shininess: column(&|_| shininess),
+            ambient: column(|own| own.ambient),
+            diffuse: column(|own| own.diffuse),
+            specular: column(|own| own.specular),
+            shininess: column(|own| own.shininess),
         }),
         harmonics: None,
         extra: Vec::new(),

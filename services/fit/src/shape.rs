@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
-use sg_volume::Field;
 use sg_volume::opacity::extinction;
+use sg_volume::{Field, Surfaceness};
 
 use crate::classification::Classification;
 use crate::importance::Candidate;
@@ -50,6 +50,8 @@ pub(crate) struct GaussianBuilder<'a> {
     pub(crate) classification: &'a Classification<'a>,
     /// The smoothed field for gradients.
     pub(crate) smooth: &'a Field,
+    /// The rule for the length of a gradient.
+    pub(crate) surfaceness: &'a Surfaceness,
     /// Thickness along the gradient at a clear boundary, relative to that of the cell.
     pub(crate) flattening: f64,
 }
@@ -64,6 +66,8 @@ struct Moments {
     color: DVec3,
     gradient: DVec3,
     gradient_length: f64,
+    /// Relative rise of the value across one voxel.
+    rise: f64,
 }
 
 impl GaussianBuilder<'_> {
@@ -92,6 +96,7 @@ impl GaussianBuilder<'_> {
                 sums.color += w * color.as_dvec3();
                 sums.gradient += w * gradient.as_dvec3();
                 sums.gradient_length += w * f64::from(gradient.length());
+                sums.rise += w * f64::from(self.surfaceness.rise(raw, gradient.length()));
             });
         }
         if !(sums.weight > 0.0 && sums.integrated_extinction > 0.0) {
@@ -166,17 +171,15 @@ impl GaussianBuilder<'_> {
     /// The unit normal towards falling values, and the surfaceness of the cell. A surface has consistent gradients that are
     /// strong relative to the value range.
     fn normal_and_surfaceness(&self, sums: &Moments) -> (DVec3, f64) {
-        let grid = self.classification.field.grid();
-        let range = self.classification.field.range();
-        let length = sums.gradient.length();
         let normal = (-sums.gradient).normalize_or_zero();
         // For a constant field the gradient is rounding noise of the smoothing.
-        if normal == DVec3::ZERO || range.high <= range.low {
+        if normal == DVec3::ZERO || sums.rise <= 0.0 {
             return (DVec3::ZERO, 0.0);
         }
-        let agreement = smoothstep(0.2, 0.7, length / sums.gradient_length.max(f64::MIN_POSITIVE));
-        let rise = length / sums.weight * grid.voxel_volume().cbrt() / (range.high - range.low);
-        (normal, agreement * smoothstep(0.004, 0.03, rise))
+        let consistency = sums.gradient.length() / sums.gradient_length.max(f64::MIN_POSITIVE);
+        let rise = consistency * sums.rise / sums.weight;
+        let surfaceness = smoothstep(0.2, 0.7, consistency) * f64::from(Surfaceness::of_rise(rise as f32));
+        (normal, surfaceness)
     }
 }
 

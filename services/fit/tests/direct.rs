@@ -4,11 +4,11 @@
 use std::collections::HashSet;
 
 use glam::{DMat3, DVec3, Vec3};
-use sg_fit::direct::HAZE_AMBIENT;
 use sg_fit::{DirectError, DirectStart, Options, direct_start};
 use sg_scene::mask::Mask;
 use sg_scene::model::{Convention, Scene};
 use sg_scene::size::size;
+use sg_volume::dvr::Material;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, Units};
 use sg_volume::{Field, Grid, TransferFunction, Volume};
@@ -115,7 +115,7 @@ fn coverage_is_even_where_the_volume_is() {
     assert!(spread < 0.2, "{spread}");
     assert!(s.report.units[0].mean_surfaceness < 0.01);
     let shading = s.scene.units[0].gaussians.shading.as_ref().unwrap();
-    assert!(shading.ambient.iter().all(|&ka| (ka - HAZE_AMBIENT).abs() < 0.01));
+    assert!(shading.ambient.iter().all(|&ka| (ka - Material::STANDARD.haze_ambient).abs() < 0.01));
     assert!(shading.diffuse.iter().all(|&kd| kd < 0.01), "without a surface no direction counts");
 }
 

@@ -162,10 +162,19 @@ impl Classifier {
 
     /// The value on the scale of the control points, within the domain.
     pub(crate) fn scaled(&self, raw: f64) -> f64 {
+        self.scale.apply(self.within_domain(raw))
+    }
+
+    /// The derivative of the scaled value by the raw one. Values beyond the domain have that of its end.
+    pub(crate) fn slope(&self, raw: f64) -> f64 {
+        self.factor * self.scale.slope(self.within_domain(raw))
+    }
+
+    fn within_domain(&self, raw: f64) -> f64 {
         let x = (raw - self.shift) * self.factor;
         // An infinite value times a factor of 0 is NaN; clamp would pass it on.
         let x = if x.is_nan() { self.domain[0] } else { x };
-        self.scale.apply(x.clamp(self.domain[0], self.domain[1]))
+        x.clamp(self.domain[0], self.domain[1])
     }
 }
 

@@ -17,6 +17,7 @@ use crate::classifier::Classifier;
 use crate::classifier_table::ClassifierTable;
 use crate::field::Field;
 use crate::opacity::correct_opacity;
+use crate::surfaceness::Surfaceness;
 use crate::visible_blocks::VisibleBlocks;
 
 use clip::kept_parts;
@@ -50,13 +51,16 @@ pub enum Lighting {
     #[default]
     Unlit,
     /// Blinn–Phong with one white light and the normal n = −∇v/|∇v|.
-    /// `c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β`, clamped to `[0, 1]`.
+    /// `c = ka·c + kd·max(n·l,0)·c + ks·max(n·h,0)^β`, clamped to `[0, 1]`. The factors follow the [`Surfaceness`] of the
+    /// sample ([`Material::with_surfaceness`]).
     Lit(Material, Illumination),
 }
 
-/// Factors of the shading, the same for all samples.
+/// Factors of the shading of a clear boundary, and of what has none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
+    /// Ambient factor of homogeneous values and noise, which have no diffuse or specular part.
+    pub haze_ambient: f32,
     /// Ambient factor ka.
     pub ambient: f32,
     /// Diffuse factor kd.
@@ -105,6 +109,7 @@ pub struct RayMarcher<'a> {
     field: &'a Field,
     classifier: Classifier,
     table: ClassifierTable,
+    surfaceness: Surfaceness,
     blocks: VisibleBlocks,
     clips: Vec<ClipRegion>,
     step: f64,
@@ -131,6 +136,7 @@ impl<'a> RayMarcher<'a> {
             field,
             blocks: VisibleBlocks::of(field, &classifier),
             table: ClassifierTable::new(&classifier, field, step, reference),
+            surfaceness: Surfaceness::new(field, &classifier),
             classifier,
             clips: Vec::new(),
             step,
@@ -219,17 +225,18 @@ impl<'a> RayMarcher<'a> {
                 continue;
             }
             let alpha = correct_opacity(f64::from(opacity), length, self.reference);
-            seen.color += (seen.transmittance * alpha) as f32 * self.shade(sample, at, ray.direction, lighting);
+            seen.color += (seen.transmittance * alpha) as f32 * self.shade(sample, value, at, ray.direction, lighting);
             seen.transmittance *= 1.0 - alpha;
         }
     }
 
-    fn shade(&self, color: Vec3, at: DVec3, direction: DVec3, lighting: Lighting) -> Vec3 {
+    fn shade(&self, color: Vec3, value: f64, at: DVec3, direction: DVec3, lighting: Lighting) -> Vec3 {
         match lighting {
             Lighting::Unlit => color,
             Lighting::Lit(material, light) => {
-                let normal = -self.field.gradient(at).normalize_or_zero();
-                material.shaded(color, normal, -direction.as_vec3(), light)
+                let gradient = self.field.gradient(at);
+                let material = material.with_surfaceness(self.surfaceness.at(value, gradient.length()));
+                material.shaded(color, -gradient.normalize_or_zero(), -direction.as_vec3(), light)
             }
         }
     }
@@ -243,8 +250,20 @@ struct Seen {
 }
 
 impl Material {
-    /// That of a clear boundary. The direct start gives its Gaussians the same.
-    pub const SURFACE: Self = Self { ambient: 0.4, diffuse: 0.6, specular: 0.2, shininess: 20.0 };
+    /// That of pictures of volumes. The direct start gives its Gaussians the same. Haze is as bright as a boundary is on average
+    /// over the view directions: 0.4 + 0.6·½.
+    pub const STANDARD: Self = Self { haze_ambient: 0.7, ambient: 0.4, diffuse: 0.6, specular: 0.2, shininess: 20.0 };
+
+    /// The factors between haze (0) and a clear boundary (1).
+    #[must_use]
+    pub fn with_surfaceness(self, surfaceness: f32) -> Self {
+        Self {
+            ambient: self.haze_ambient + surfaceness * (self.ambient - self.haze_ambient),
+            diffuse: surfaceness * self.diffuse,
+            specular: surfaceness * self.specular,
+            ..self
+        }
+    }
 
     fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
         let (to_light, half) = match light {
@@ -334,7 +353,7 @@ mod tests {
             let axes = DMat3::from_cols(right, ahead.cross(right), ahead).transpose();
             let world_to_camera = DMat4::from_mat3(axes) * DMat4::from_translation(-middle - out);
             let camera = Pinhole { width: 40, height: 30, focal: [40.0; 2], center: [20.0, 15.0], world_to_camera };
-            let material = Material { ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 9.0 };
+            let material = Material { haze_ambient: 0.6, ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 9.0 };
             for illumination in [Illumination::Headlight, Illumination::Direction(Vec3::new(1.0, 2.0, 3.0))] {
                 let lighting = Lighting::Lit(material, illumination);
                 let skipped = marcher.picture(&camera, lighting, Vec3::ONE);
@@ -366,7 +385,7 @@ mod tests {
             base_units: Vec::new(),
         };
         let classifier = f.classifier(field.range()).unwrap();
-        let material = Material { ambient: 0.2, diffuse: 0.5, specular: 0.3, shininess: 4.0 };
+        let material = Material { haze_ambient: 0.0, ambient: 0.2, diffuse: 0.5, specular: 0.3, shininess: 4.0 };
         let world_to_camera = DMat4::from_translation(DVec3::new(-15.5, -15.5, 1000.0));
         let camera = Pinhole { width: 1, height: 1, focal: [1.0; 2], center: [0.5; 2], world_to_camera };
         // The middle ray meets the surface at the normal −z, towards the eye. The light is 60° from it.
@@ -376,6 +395,38 @@ mod tests {
         let shine = 0.3 * 30.0_f32.to_radians().cos().powi(4);
         for (got, color) in p.into_iter().zip([1.0, 0.5, 0.25]) {
             assert!((got - (0.45 * color + shine)).abs() < 0.01, "{p:?}");
+        }
+    }
+
+    #[test]
+    fn noise_on_a_cut_face_does_not_glitter() {
+        // A block of 100 with noise of less than a hundredth of the range, cut in the middle.
+        let grid = Grid::unit([24, 24, 24]).unwrap();
+        let inside = |i: usize| (grid.voxel(i).as_dvec3() - 11.5).abs().max_element() < 9.0;
+        let noise = |i: usize| (i as u32).wrapping_mul(2_654_435_761) as f32 / u32::MAX as f32 - 0.5;
+        let values: Vec<f32> = (0..grid.len()).map(|i| if inside(i) { 100.0 + 0.8 * noise(i) } else { 0.0 }).collect();
+        let field = Volume::new(grid.clone(), values.into(), None).unwrap().to_field();
+        let point = |value: f64, opacity: f32| ControlPoint { value, color: [0.8; 3], opacity };
+        let f = TransferFunction {
+            domain: [0.0, 100.0],
+            units: Units::Raw,
+            scale: Scale::Linear,
+            variable: None,
+            points: vec![point(40.0, 0.0), point(60.0, 1.0)],
+            base_units: Vec::new(),
+        };
+        let classifier = f.classifier(field.range()).unwrap();
+        let side = HalfSpace { normal: DVec3::Z, offset: 11.5 };
+        let marcher = RayMarcher::new(&field, classifier, 0.5)
+            .clipped(vec![ClipRegion { sides: vec![side], keeps_inside: true }]);
+        let world_to_camera = DMat4::from_translation(DVec3::new(-11.5, -11.5, 1000.0));
+        let camera = Pinhole { width: 12, height: 12, focal: [1000.0; 2], center: [6.0; 2], world_to_camera };
+        let lighting = Lighting::Lit(Material::STANDARD, Illumination::Headlight);
+        let haze = Material::STANDARD.haze_ambient * 0.8;
+        for picture in
+            [marcher.picture(&camera, lighting, Vec3::ZERO), marcher.fast_picture(&camera, lighting, Vec3::ZERO)]
+        {
+            assert!(picture.pixels.iter().all(|p| (p[0] - haze).abs() < 0.02 && p[3] > 0.99), "not {haze}");
         }
     }
 

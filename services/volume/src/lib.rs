@@ -34,6 +34,7 @@ pub mod opacity;
 pub mod phantom;
 pub mod read;
 pub mod scalars;
+mod surfaceness;
 pub mod transfer;
 mod visible_blocks;
 mod visible_bounds;
@@ -49,6 +50,7 @@ pub use read::{
     read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
+pub use surfaceness::Surfaceness;
 pub use transfer::TransferFunction;
 pub use visible_bounds::visible_bounds;
 pub use volume::Volume;

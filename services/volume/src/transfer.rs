@@ -67,6 +67,16 @@ impl Scale {
             Self::Symlog => x.signum() * x.abs().ln_1p() / std::f64::consts::LN_10,
         }
     }
+
+    /// The derivative of [`Self::apply`].
+    #[must_use]
+    pub fn slope(self, x: f64) -> f64 {
+        match self {
+            Self::Linear => 1.0,
+            Self::Log10 => 1.0 / (x * std::f64::consts::LN_10),
+            Self::Symlog => 1.0 / ((1.0 + x.abs()) * std::f64::consts::LN_10),
+        }
+    }
 }
 
 /// Colour and opacity at one value.

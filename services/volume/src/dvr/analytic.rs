@@ -8,6 +8,7 @@ use glam::{DMat3, DMat4, DVec3, Vec3};
 use super::{ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher, intersect_box};
 use crate::grid::Grid;
 use crate::opacity::correct_opacity;
+use crate::surfaceness::Surfaceness;
 use crate::transfer::{ControlPoint, Scale, TransferFunction, Units};
 use crate::volume::Volume;
 use crate::{Classifier, Field};
@@ -98,7 +99,7 @@ fn marschner_lobb(at: DVec3) -> f64 {
     (1.0 - (0.5 * PI * at.z).sin() + 0.25 * (1.0 + ripple)) / (2.0 * 1.25)
 }
 
-const MATERIAL: Material = Material { specular: 0.0, ..Material::SURFACE };
+const MATERIAL: Material = Material { specular: 0.0, ..Material::STANDARD };
 
 /// Half of the cube that is drawn.
 const SHOWN: f64 = 0.9;
@@ -107,7 +108,9 @@ const SHOWN: f64 = 0.9;
 const STEP: f64 = 0.01;
 
 /// The picture of the signal itself, marched by the rules of this module.
-fn picture_of_the_signal(classifier: &Classifier, reference: f64, camera: &Pinhole, light: DVec3) -> Vec<[f32; 4]> {
+fn picture_of_the_signal(field: &Field, classifier: &Classifier, camera: &Pinhole, light: DVec3) -> Vec<[f32; 4]> {
+    let reference = field.grid().reference_length();
+    let surfaceness = Surfaceness::new(field, classifier);
     let eye = camera.world_to_camera.inverse().transform_point3(DVec3::ZERO);
     let slope = |at: DVec3| {
         let along = |axis: DVec3| (marschner_lobb(at + 1e-5 * axis) - marschner_lobb(at - 1e-5 * axis)) / 2e-5;
@@ -121,10 +124,13 @@ fn picture_of_the_signal(classifier: &Classifier, reference: f64, camera: &Pinho
                 let from = near + k as f64 * STEP;
                 let length = STEP.min(far - from);
                 let at = eye + direction * (from + 0.5 * length);
-                let (own, opacity) = classifier.evaluate(marschner_lobb(at));
+                let value = marschner_lobb(at);
+                let (own, opacity) = classifier.evaluate(value);
                 let alpha = correct_opacity(f64::from(opacity), length, reference);
-                let facing = -slope(at).normalize_or_zero().dot(light);
-                let shade = f64::from(MATERIAL.ambient) + f64::from(MATERIAL.diffuse) * facing.max(0.0);
+                let slope = slope(at);
+                let facing = -slope.normalize_or_zero().dot(light);
+                let material = MATERIAL.with_surfaceness(surfaceness.at(value, slope.length() as f32));
+                let shade = f64::from(material.ambient) + f64::from(material.diffuse) * facing.max(0.0);
                 color += transmittance * alpha * (shade * own.as_dvec3()).clamp(DVec3::ZERO, DVec3::ONE);
                 transmittance *= 1.0 - alpha;
             }
@@ -152,7 +158,7 @@ fn the_signal_of_marschner_and_lobb_is_met_to_second_order() {
             (0.65, Vec3::new(0.1, 0.4, 1.0), 0.0),
         ];
         let classifier = function([0.0, 1.0], &layer).classifier(field.range()).unwrap();
-        let want = picture_of_the_signal(&classifier, reference, &camera, light);
+        let want = picture_of_the_signal(&field, &classifier, &camera, light);
         let sides = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
         let sides = sides.map(|normal| HalfSpace { normal, offset: -SHOWN }).collect();
         let marcher = RayMarcher::new(&field, classifier, STEP / field.grid().spacing().x)

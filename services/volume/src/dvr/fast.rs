@@ -96,6 +96,8 @@ impl<'a> FastMarcher<'a> {
                     || self.of.field.gradient(place.as_dvec3()),
                     |per_voxel| self.gradient_to_world * per_voxel,
                 );
+                let raw = self.of.field.offset() + f64::from(value);
+                let material = material.with_surfaceness(self.of.surfaceness.at(raw, gradient.length()));
                 material.shaded(own, -gradient.normalize_or_zero(), to_eye, *light)
             }
         };
@@ -117,7 +119,8 @@ mod tests {
     use crate::volume::Volume;
     use crate::{Classifier, Field};
 
-    const MATERIAL: Material = Material { ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 9.0 };
+    const MATERIAL: Material =
+        Material { haze_ambient: 0.6, ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 9.0 };
 
     fn vessels() -> Field {
         VesselTree::new().rasterize(64, 1).unwrap().volume().unwrap().to_field()
