@@ -53,7 +53,11 @@ impl Surfaceness {
     /// The surfaceness of a rise; 0 for NaN.
     #[must_use]
     pub fn of_rise(rise: f32) -> f32 {
-        smoothstep(NOISE, BOUNDARY, rise)
+        if rise.is_nan() {
+            return 0.0;
+        }
+        let t = ((rise - NOISE) / (BOUNDARY - NOISE)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
     }
 
     /// The surfaceness at a place with this value and this length of the gradient.
@@ -61,11 +65,6 @@ impl Surfaceness {
     pub fn at(&self, raw: f64, gradient_length: f32) -> f32 {
         Self::of_rise(self.rise(raw, gradient_length))
     }
-}
-
-fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
-    let t = ((x - low) / (high - low)).max(0.0).min(1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]
