@@ -8,10 +8,12 @@ use glam::{DMat4, Vec3};
 pub use crate::splat::LoadError;
 use crate::splat::decode::{self, decode_unit};
 use crate::splat::format::{Decoded, FolderContent, Listing, START_LENGTH, Source, UnitSource};
+use crate::splat::unit_comments::OF_TRAINED;
 use crate::splat::{Format, Problem, Warning, WarningCode, palette};
 use crate::validation::NonFiniteCounts;
 use sg_input::{file, limits, unreadable};
 use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
+use sg_scene::orientation::Orientation;
 
 /// Properties that override those of the files.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -39,6 +41,8 @@ pub struct Loaded {
 
 /// Reads a scene of any format in [`crate::splat`].
 ///
+/// Files of trained splats say nothing of their directions as a rule; then −y is up.
+///
 /// NaN and infinite values are kept and counted in the warnings. Units follow one another in the order of the scene file,
 /// or of the folders' names. The box is the stored one, else that of the finite centres without unit transforms.
 ///
@@ -58,18 +62,26 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let listing = if source.is_ply() { Listing::of_file(path) } else { container.0.list(path)? };
     let mut reader = UnitReader::of(path, &listing.units, options)?;
     let (mut units, mut unit_formats, mut bounds): (Vec<BaseUnit>, _, _) = (Vec::new(), Vec::new(), None);
+    let mut orientation = listing.orientation;
     for file in listing.units {
         let mut loaded = reader.load(&file)?;
         if let Some(folder_name) = file.name.filter(|_| units.iter().any(|u| u.name == loaded.unit.name)) {
             loaded.unit.name = folder_name;
         }
         bounds = bounds.or(loaded.bounds);
+        if orientation == Orientation::default() {
+            orientation = loaded.orientation;
+        }
         unit_formats.push(loaded.format);
         units.push(loaded.unit);
     }
     let (format, bounds) =
         listing.scene.unwrap_or_else(|| (unit_formats.first().copied().unwrap_or(container), bounds));
-    let scene = Scene { orientation: listing.orientation, ..Scene::compose(units, bounds) };
+    let is_trained = |unit: &BaseUnit| unit.gaussians.shading.is_none() && unit.gaussians.harmonics.is_some();
+    if orientation.patient.is_none() && !units.is_empty() && units.iter().all(is_trained) {
+        orientation = orientation.with_up(orientation.up.or(OF_TRAINED.up));
+    }
+    let scene = Scene { orientation, ..Scene::compose(units, bounds) };
     let mut warnings = reader.warnings;
     if scene.is_empty() {
         warnings.push(Warning::new(WarningCode::Empty, "the scene holds no Gaussian"));
@@ -104,6 +116,7 @@ struct LoadedUnit {
     unit: BaseUnit,
     format: Format,
     bounds: Option<SceneBox>,
+    orientation: Orientation,
 }
 
 /// Device and inode of a file, and the convention that it is read with.
@@ -242,7 +255,8 @@ impl<'a> UnitReader<'a> {
             transfer_function: entry.and_then(|e| e.transfer_function.clone()),
             gaussians,
         };
-        Ok(LoadedUnit { unit, format, bounds: comments.bounds })
+        let orientation = comments.orientation.unwrap_or_default();
+        Ok(LoadedUnit { unit, format, bounds: comments.bounds, orientation })
     }
 }
 

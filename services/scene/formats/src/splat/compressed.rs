@@ -20,6 +20,7 @@ use crate::splat::format::{Format, PlyLayout, SplatWriter, WriteJob, WriteProble
 use crate::splat::ply::{self, OutElement, OutProperty, OutValues, PlyFile, Table};
 use crate::splat::ply_format::PlyFormat;
 use crate::splat::problem::{Problem, Warning, WarningCode};
+use crate::splat::unit_comments::orientation_of_unlit;
 use crate::splat::{morton, unlit};
 use sg_scene::model::{Gaussians, Harmonics};
 
@@ -86,7 +87,8 @@ fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>
             warnings.push(Warning::new(WarningCode::Reordered, message));
         }
         let packed = Packed::new(&flat, warnings);
-        Ok(ply::write(out, &filter_comment(&flat), &packed.elements(&flat))?)
+        let comments: Vec<String> = filter_comment(&flat).into_iter().chain(orientation_of_unlit(job.scene)).collect();
+        Ok(ply::write(out, &comments, &packed.elements(&flat))?)
     })
 }
 

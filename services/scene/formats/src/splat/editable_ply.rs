@@ -15,7 +15,7 @@ use crate::splat::problem::{Problem, Warning, WarningCode};
 use crate::splat::unit_comments::{UnitComments, convention_name};
 use crate::splat::{activation, editable_columns, ivrgs_folder, palette};
 use crate::staged_file::{self, StagedFile};
-use sg_scene::model::{BaseUnit, Convention, SceneBox};
+use sg_scene::model::{BaseUnit, Convention, Scene};
 
 /// The storage of an editable unit's columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +61,7 @@ pub(crate) fn write_file(
     let convention = storage.convention(job.options.convention, unit);
     job.write_file(|out| {
         let prepared = prepare(unit, convention, warnings);
-        write_unit(out, &prepared, storage, convention, Alone::Yes(job.scene.bounds), warnings)?;
+        write_unit(out, &prepared, storage, convention, Alone::Yes(job.scene), warnings)?;
         warn_of_unit(unit, storage, warnings);
         Ok(())
     })
@@ -96,7 +96,7 @@ fn write_folder(
         let convention = storage.convention(job.options.convention, unit);
         let prepared = prepare(unit, convention, warnings);
         let mut out = StagedFile::create(&folder.join(ivrgs_folder::PLY_NAME))?;
-        write_unit(&mut out, &prepared, storage, convention, Alone::Yes(job.scene.bounds), warnings)?;
+        write_unit(&mut out, &prepared, storage, convention, Alone::Yes(job.scene), warnings)?;
         out.commit()?;
         let mut checkpoint = StagedFile::create(&folder.join(palette::FILE_NAME))?;
         checkpoint.write_all(&palette::write(prepared.palette, 0)?)?;
@@ -125,9 +125,9 @@ fn warn_of_unit(unit: &BaseUnit, storage: Storage, warnings: &mut Vec<Warning>) 
 
 /// The comments of a unit's file.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Alone {
-    /// Everything: it stands alone in a scene of this box.
-    Yes(SceneBox),
+pub(crate) enum Alone<'a> {
+    /// Everything: it stands alone in this scene.
+    Yes(&'a Scene),
     /// Only the meaning of the columns: the rest stands in `scene.toml`.
     No,
 }
@@ -138,7 +138,7 @@ pub(crate) fn write_unit(
     unit: &BaseUnit,
     storage: Storage,
     convention: Convention,
-    alone: Alone,
+    alone: Alone<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Result<(), WriteProblem> {
     let no_shading = Problem::new(format!("unit `{}`", unit.name), "it has no shading columns", "write it as 3dgs");
@@ -156,7 +156,7 @@ pub(crate) fn write_unit(
         Cow::Owned(stored)
     };
     let mut comments = match alone {
-        Alone::Yes(bounds) => UnitComments::of_unit(unit, convention, bounds),
+        Alone::Yes(scene) => UnitComments::of_unit(unit, convention, scene),
         Alone::No => UnitComments::of_columns(unit, convention),
     };
     comments.extend(filter_comment(&unit.gaussians));

@@ -43,7 +43,7 @@ mod scene_toml;
 mod tests;
 mod three_dgs;
 pub(crate) mod toml_number;
-mod unit_comments;
+pub(crate) mod unit_comments;
 mod unlit;
 
 pub use format::{Format, LoadError, SaveOptions};

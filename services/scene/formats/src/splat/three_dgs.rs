@@ -19,6 +19,7 @@ use crate::splat::format::{Format, PlyLayout, SplatWriter, WriteJob, WriteProble
 use crate::splat::ply::{self, Column, OutElement, OutProperty, OutValues, PlyFile, Scalar, Table};
 use crate::splat::ply_format::PlyFormat;
 use crate::splat::problem::{Problem, Warning, WarningCode};
+use crate::splat::unit_comments::orientation_of_unlit;
 use crate::splat::unlit;
 
 /// Thickness of a flat Gaussian relative to its smaller extent, as a natural logarithm.
@@ -47,17 +48,19 @@ fn read(file: &PlyFile, warnings: &mut Vec<Warning>) -> Result<Gaussians, Proble
 }
 
 fn write(job: &WriteJob<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<PathBuf>, WriteProblem> {
-    job.write_file(|out| write_vertices(out, &unlit::flatten(job.scene, warnings)))
+    let comment = orientation_of_unlit(job.scene);
+    job.write_file(|out| write_vertices(out, &unlit::flatten(job.scene, warnings), comment))
 }
 
 /// Writes a unit's columns without its transform, opacity factor and palette. `scene.toml` stores those.
 pub(crate) fn write_columns(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
-    write_vertices(out, &unlit::with_harmonics(g))
+    write_vertices(out, &unlit::with_harmonics(g), None)
 }
 
-fn write_vertices(out: &mut impl Write, g: &Gaussians) -> Result<(), WriteProblem> {
+fn write_vertices(out: &mut impl Write, g: &Gaussians, comment: Option<String>) -> Result<(), WriteProblem> {
+    let comments: Vec<String> = filter_comment(g).into_iter().chain(comment).collect();
     let element = OutElement { name: "vertex", rows: g.len(), properties: properties(g) };
-    Ok(ply::write(out, &filter_comment(g), &[element])?)
+    Ok(ply::write(out, &comments, &[element])?)
 }
 
 /// Warns of `double` columns. They are held as `float`.

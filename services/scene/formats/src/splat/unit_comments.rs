@@ -1,14 +1,15 @@
 //! The comments of our PLY about its unit, as lines of TOML: `comment convention = "ours"`.
 //!
 //! A unit's file within a `scene.toml` has only the comments that its columns need. A file that stands alone has all of
-//! the unit.
+//! the unit. Every PLY that stands alone has the directions of its scene.
 
 use glam::{DMat4, Vec3};
 use serde::Deserialize;
 
 use crate::splat::problem::{Warning, WarningCode};
 use crate::splat::toml_number::{exact_f32, row_major, transform};
-use sg_scene::model::{BaseUnit, Convention, SceneBox, ShadingModel};
+use sg_scene::model::{BaseUnit, Convention, Scene, SceneBox, ShadingModel};
+use sg_scene::orientation::{Axis, LengthUnit, Orientation, PatientFrame};
 
 /// The comments that were found.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,6 +22,7 @@ pub(crate) struct UnitComments {
     pub(crate) shading: Option<ShadingModel>,
     pub(crate) transform: Option<DMat4>,
     pub(crate) bounds: Option<SceneBox>,
+    pub(crate) orientation: Option<Orientation>,
 }
 
 /// One line of TOML, each key on its own line.
@@ -36,9 +38,34 @@ struct Line {
     transform: Option<[f64; 16]>,
     #[serde(rename = "box")]
     bounds: Option<SceneBox>,
+    orientation: Option<OrientationNames>,
 }
 
-const KEYS: [&str; 8] = ["name", "convention", "oriented_normals", "palette", "opacity", "shading", "transform", "box"];
+/// Names of directions and of the length unit, as in `scene.toml`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OrientationNames {
+    patient: Option<String>,
+    unit: Option<String>,
+    up: Option<String>,
+}
+
+impl OrientationNames {
+    /// `None` for an unknown name.
+    fn orientation(&self) -> Option<Orientation> {
+        fn value<T>(name: Option<&str>, of_name: fn(&str) -> Option<T>) -> Option<Option<T>> {
+            name.map_or(Some(None), |name| of_name(name).map(Some))
+        }
+        Some(Orientation {
+            patient: value(self.patient.as_deref(), PatientFrame::of_name)?,
+            unit: value(self.unit.as_deref(), LengthUnit::of_name)?,
+            up: value(self.up.as_deref(), Axis::of_name)?,
+        })
+    }
+}
+
+const KEYS: [&str; 9] =
+    ["name", "convention", "oriented_normals", "palette", "opacity", "shading", "transform", "box", "orientation"];
 
 impl UnitComments {
     /// Parses our comments and ignores all others. An unreadable comment of ours gives a warning.
@@ -71,7 +98,8 @@ impl UnitComments {
         if palette.is_some_and(|p| !p.is_finite()) || line.opacity.is_some_and(|o| !(o >= 0.0 && o.is_finite())) {
             return false;
         }
-        if matrix == Some(None) || !bounds_fine {
+        let orientation = line.orientation.map(|names| names.orientation());
+        if matrix == Some(None) || orientation == Some(None) || !bounds_fine {
             return false;
         }
         put(&mut self.name, line.name);
@@ -82,6 +110,7 @@ impl UnitComments {
         put(&mut self.shading, line.shading);
         put(&mut self.transform, matrix.flatten());
         put(&mut self.bounds, line.bounds);
+        put(&mut self.orientation, orientation.flatten());
         true
     }
 
@@ -93,8 +122,8 @@ impl UnitComments {
         ]
     }
 
-    /// The comments of a file that stands alone.
-    pub(crate) fn of_unit(unit: &BaseUnit, convention: Convention, bounds: SceneBox) -> Vec<String> {
+    /// The comments of a file that stands alone, in this scene.
+    pub(crate) fn of_unit(unit: &BaseUnit, convention: Convention, scene: &Scene) -> Vec<String> {
         let mut out = Self::of_columns(unit, convention);
         out.push(format!("name = {}", toml::Value::String(unit.name.clone())));
         out.push(format!("palette = {}", list(unit.palette.to_array().map(exact_f32))));
@@ -103,11 +132,36 @@ impl UnitComments {
         if unit.transform != DMat4::IDENTITY {
             out.push(format!("transform = {}", list(row_major(&unit.transform))));
         }
-        let (min, max) = (list(bounds.min.to_array()), list(bounds.max.to_array()));
+        let (min, max) = (list(scene.bounds.min.to_array()), list(scene.bounds.max.to_array()));
         out.push(format!("box = {{ min = {min}, max = {max} }}"));
+        out.extend(orientation_line(scene.orientation));
         out.retain(|line| !line.contains(['\n', '\r']));
         out
     }
+}
+
+/// What readers take for the directions of trained splats whose file gives none: −y is up. Their y axis points down, like that of
+/// the cameras that COLMAP finds for the training.
+pub(crate) const OF_TRAINED: Orientation = Orientation { patient: None, unit: None, up: Some(Axis::MinusY) };
+
+/// The comment of an unlit file about its scene, unless it is [`OF_TRAINED`]. The direction that is up always stands in it if the
+/// Gaussians come from a volume, since readers take unlit ones for trained splats otherwise.
+pub(crate) fn orientation_of_unlit(scene: &Scene) -> Option<String> {
+    let from_volume = scene.units.iter().any(|unit| unit.gaussians.shading.is_some());
+    let up = scene.orientation.up.or(from_volume.then_some(scene.orientation.up()));
+    Some(Orientation { up, ..scene.orientation }).filter(|told| *told != OF_TRAINED).and_then(orientation_line)
+}
+
+fn orientation_line(orientation: Orientation) -> Option<String> {
+    let Orientation { patient, unit, up } = orientation;
+    let names = [
+        ("patient", patient.map(PatientFrame::name)),
+        ("unit", unit.map(LengthUnit::name)),
+        ("up", up.map(Axis::name)),
+    ];
+    let known: Vec<String> =
+        names.into_iter().filter_map(|(key, name)| Some(format!("{key} = \"{}\"", name?))).collect();
+    (!known.is_empty()).then(|| format!("orientation = {{ {} }}", known.join(", ")))
 }
 
 fn list<const N: usize>(numbers: [f64; N]) -> toml::Value {

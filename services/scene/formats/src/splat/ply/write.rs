@@ -79,17 +79,18 @@ impl OutValues<'_> {
     }
 }
 
-/// Writes a header and the rows of all elements.
+/// Writes a header and the rows of all elements. Comments come last in the header: some viewers of 3DGS files expect an element
+/// in its third line.
 pub(crate) fn write(out: &mut impl Write, comments: &[String], elements: &[OutElement<'_>]) -> io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
-    for comment in comments {
-        writeln!(out, "comment {comment}")?;
-    }
     for element in elements {
         writeln!(out, "element {} {}", element.name, element.rows)?;
         for property in &element.properties {
             writeln!(out, "property {} {}", property.values.scalar().name(), property.name)?;
         }
+    }
+    for comment in comments {
+        writeln!(out, "comment {comment}")?;
     }
     writeln!(out, "end_header")?;
     elements.iter().try_for_each(|e| write_rows(out, e))

@@ -55,13 +55,14 @@ fn foreign_comments_are_ignored_and_broken_ones_give_warnings() {
         "opacity = nan",
         "convention = \"ours\"",
         "transform = [1, 2]",
+        "orientation = { up = \"sideways\" }",
     ];
     let properties = crate::splat::editable_columns::properties(&g, g.shading.as_ref().unwrap());
     write(&mut out, &comments.map(str::to_owned), &[OutElement { name: "gaussians", rows: 3, properties }]).unwrap();
     std::fs::write(folder.path("a.ply"), out).unwrap();
     let loaded = load(&folder.path("a.ply"), &LoadOptions::default()).unwrap();
     assert_eq!(loaded.format, Format::OURS);
-    assert_eq!(loaded.warnings.iter().filter(|w| w.code == WarningCode::Ignored).count(), 4);
+    assert_eq!(loaded.warnings.iter().filter(|w| w.code == WarningCode::Ignored).count(), 5);
     assert!(codes(&loaded).contains(&WarningCode::Palette));
 }
 

@@ -4,6 +4,7 @@ mod bit_exact;
 mod compressed;
 mod errors;
 mod ivrgs;
+mod orientation;
 mod ply_variants;
 mod scene_file;
 mod unlit;
