@@ -294,7 +294,7 @@ impl FunctionAgent {
             let request = MeasureRequest { target: Some(target.clone()) };
             match self.bus.ask(&keys::SCENE_MEASURE, &request, &context.next()).await {
                 Ok(measure) => {
-                    let missing = || query::without_unit(&clause.words, &measure).map(str::to_owned);
+                    let missing = || query::without_unit(&clause.words, &target, &measure);
                     // One reason is enough for several units.
                     let line = query::size(&target, &measure).or_else(missing);
                     sizes.extend(line.filter(|line| !sizes.contains(line)));

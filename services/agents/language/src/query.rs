@@ -174,13 +174,27 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
     Some(format!("{} measure{s} about {x} × {y} × {z} {unit} and {verb}{s} about {volume}.", capital(&name)))
 }
 
-/// The sentence for a question about size where the scene has no length unit; `None` for other questions.
+/// The answer to a question about size where the scene has no length unit: edges in the lengths of the file, where they are
+/// known. `None` for other questions.
 #[must_use]
-pub fn without_unit(words: &str, measure: &Measure) -> Option<&'static str> {
+pub fn without_unit(words: &str, target: &Target, measure: &Measure) -> Option<String> {
     const SIZES: [&str; 8] = ["big", "large", "small", "size", "volume", "long", "wide", "high"];
     let asks = words.split(|c: char| !c.is_alphabetic()).any(|word| SIZES.contains(&word.to_lowercase().as_str()));
-    let said = "The file gives no unit of length, so its size in millimetres is not known.";
-    (asks && measure.millimetres <= 0.0).then_some(said)
+    if !asks || measure.millimetres > 0.0 {
+        return None;
+    }
+    let Some(edges) = measure.edges.as_ref().filter(|_| measure.occupied > 0.0) else {
+        return Some("The file gives no unit of length, so its size in millimetres is not known.".to_owned());
+    };
+    let edges = [edges.x, edges.y, edges.z];
+    let longest = edges.into_iter().fold(0.0, f64::max);
+    // Lengths of a file may be of any size: two digits of the longest edge.
+    let small = |edge: f64| sg_input::number_format::decimals(edge, (1.0 - longest.log10().floor()) as usize);
+    let [x, y, z] = edges.map(|edge| if longest < 0.1 { small(edge) } else { measured(edge) });
+    let (name, plural) = crate::text::target(target);
+    let s = if plural { "" } else { "s" };
+    let size = format!("{} measure{s} about {x} × {y} × {z} in the lengths of the file.", capital(&name));
+    Some(format!("{size} It gives no unit, so millimetres are not known."))
 }
 
 /// A measured number: whole from 10 on, else with one or two decimals.
@@ -293,10 +307,18 @@ mod tests {
 
     #[test]
     fn a_question_about_size_says_why_there_are_no_millimetres() {
+        let heart = Target { units: vec!["heart".to_owned()], ..Target::default() };
         let unknown = Measure::default();
-        assert!(without_unit("how big is the heart", &unknown).unwrap().contains("no unit of length"));
-        assert_eq!(without_unit("describe the bigger vessel", &unknown), None);
-        assert_eq!(without_unit("how big is it", &Measure { millimetres: 1.0, ..unknown }), None);
+        assert!(without_unit("how big is the heart", &heart, &unknown).unwrap().contains("no unit of length"));
+        assert_eq!(without_unit("describe the bigger vessel", &heart, &unknown), None);
+        assert_eq!(without_unit("how big is it", &heart, &Measure { millimetres: 1.0, ..unknown }), None);
+        let of = |x, y, z| Measure { edges: Some(sg_proto::scene::Vector { x, y, z }), occupied: 1.0, ..unknown };
+        let small = without_unit("how big is it", &heart, &of(0.00123, 0.0004, 0.0)).unwrap();
+        assert!(small.contains("0.0012 × 0.0004 × 0 in"), "{small}");
+        assert_eq!(
+            without_unit("how big is the heart", &heart, &of(123.4, 8.04, 0.5)).unwrap(),
+            "The heart measures about 123 × 8 × 0.5 in the lengths of the file. It gives no unit, so millimetres are not known."
+        );
     }
 
     #[test]
