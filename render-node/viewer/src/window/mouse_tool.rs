@@ -30,6 +30,12 @@ impl MouseTool {
     pub const ALL: [Self; 8] =
         [Self::Navigate, Self::Brush, Self::Lasso, Self::Rectangle, Self::Polygon, Self::Sphere, Self::Box, Self::Move];
 
+    /// The tool of the next window. A scene opens as a rule without a selection, so that nothing can be moved.
+    #[must_use]
+    pub fn at_first(self) -> Self {
+        if self == Self::Move { Self::Navigate } else { self }
+    }
+
     /// Name in the window.
     #[must_use]
     pub fn name(self) -> &'static str {

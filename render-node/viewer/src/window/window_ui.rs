@@ -108,7 +108,7 @@ impl WindowUi {
         let pool = drawing::threads().map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut scene_view =
             SceneView::new(engine, Arc::clone(&scene), navigator, brush_controller, Arc::clone(&pool), wake.clone())?;
-        scene_view.mouse_tool = settings.mouse_tool;
+        scene_view.mouse_tool = settings.mouse_tool.at_first();
         let exporter = Exporter::new(pictures.clone(), pool, wake).map_err(|e| WindowError::Threads(e.to_string()))?;
         let mut panels = Panels::new(PanelHost::Window);
         for problem in panels.behind(&scene, Path::new(&opened)) {
@@ -160,7 +160,7 @@ impl WindowUi {
             self.tools;
         Settings {
             panels: self.panels_shown,
-            mouse_tool: self.scene_view.mouse_tool,
+            mouse_tool: self.scene_view.mouse_tool.at_first(),
             navigation_mode: self.scene_view.navigator.navigation_mode,
             mode,
             radius,
