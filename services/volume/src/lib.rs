@@ -46,8 +46,8 @@ pub use field::Field;
 pub use grid::{Bounds, Grid};
 pub use histogram::automatic_transfer_function;
 pub use read::{
-    ENDINGS, Limits, ReadError, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name, read_volume,
-    read_volume_within, reads_beside, write_raw, write_volume,
+    ENDINGS, Limits, ReadError, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name,
+    read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use surfaceness::Surfaceness;

@@ -15,8 +15,8 @@ use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_volume::dvr::RayMarcher;
 use sg_volume::{
-    Field, Limits, TransferFunction, Volume, WorldFrame, automatic_transfer_function, is_volume_path, lacks_spacing,
-    read_volume_within,
+    Field, Limits, TransferFunction, Volume, WorldFrame, automatic_transfer_function, is_volume_path,
+    read_spaced_volume,
 };
 
 use super::failure::Failure;
@@ -71,16 +71,9 @@ impl SeenVolume {
             return Ok(None);
         }
         refuse_options_of_scenes(picture)?;
-        if picture.spacing.is_some() && !lacks_spacing(path) {
-            let what = "--spacing is for raw volumes; this format stores its own spacing, so leave it out";
-            return Err(Failure::input(format!("{}: {what}", path.display())));
-        }
         let limits = Limits { own_folder: true, ..Limits::default() };
-        let mut volume = read_volume_within(path, limits).map_err(Failure::input)?;
-        if let Some(spacing) = picture.spacing {
-            let spaced = volume.with_spacing(DVec3::from_array(spacing));
-            volume = spaced.map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
-        }
+        let spacing = picture.spacing.map(DVec3::from_array);
+        let volume = read_spaced_volume(path, spacing, limits).map_err(Failure::input)?;
         let field = volume.to_field();
         let function = function(picture, &volume, &field)?;
         Ok(Some(Self {

@@ -20,7 +20,7 @@ use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_scene::model::Scene;
 use sg_volume::{
-    Field, TransferFunction, Volume, automatic_transfer_function, formats_help, lacks_spacing, read_volume,
+    Field, Limits, TransferFunction, automatic_transfer_function, formats_help, lacks_spacing, read_spaced_volume,
 };
 
 use crate::failure::{Failure, input, work};
@@ -157,19 +157,6 @@ fn spacing(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// Reads a volume; a raw one gets the spacing that is given.
-fn read(path: &Path, spacing: Option<DVec3>) -> Result<Volume, Failure> {
-    if spacing.is_some() && !lacks_spacing(path) {
-        let what = "--spacing is for raw volumes; this format stores its own spacing, so leave it out";
-        return Err(input(format!("{}: {what}", path.display())));
-    }
-    let volume = read_volume(path).map_err(input)?;
-    match spacing {
-        None => Ok(volume),
-        Some(spacing) => volume.with_spacing(spacing).map_err(|e| input(format!("{}: {e}", path.display()))),
-    }
-}
-
 /// Runs the command with the arguments of this process.
 pub(crate) fn run() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -221,6 +208,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
+    let read = |path: &Path, spacing| read_spaced_volume(path, spacing, Limits::default()).map_err(input);
     let volume = read(path, args.spacing)?;
     let label_spacing = |labels: &Path| args.spacing.filter(|_| lacks_spacing(labels));
     let labels = args.labels.as_deref().map(|labels| read(labels, label_spacing(labels))).transpose()?;

@@ -18,6 +18,8 @@ mod vti;
 use std::io::Write;
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::volume::Volume;
 
 use format::SNIFFED_BYTES;
@@ -77,6 +79,27 @@ pub fn formats_help() -> String {
 /// [`ReadError`]: one line with the file, the place in it and a remedy.
 pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
     read_volume_within(path, Limits::default())
+}
+
+/// [`read_volume_within`] limits, with the lengths between voxels that a person gives: millimetres along x, y and z, for files
+/// without spacing.
+///
+/// # Errors
+/// [`ReadError`]; also if the file has its own spacing, or unless all lengths are finite and above 0.
+pub fn read_spaced_volume(path: &Path, spacing: Option<DVec3>, limits: Limits) -> Result<Volume, ReadError> {
+    let refused = |what: String, remedy: &str| ReadError::Format {
+        path: path.to_path_buf(),
+        place: "spacing".to_owned(),
+        what,
+        remedy: remedy.to_owned(),
+    };
+    if spacing.is_some() && !lacks_spacing(path) {
+        let what = "a given spacing is for raw volumes, and this format stores its own";
+        return Err(refused(what.to_owned(), "leave it out"));
+    }
+    let volume = read_volume_within(path, limits)?;
+    let Some(spacing) = spacing else { return Ok(volume) };
+    volume.with_spacing(spacing).map_err(|e| refused(e.to_string(), "give three lengths above 0"))
 }
 
 /// [`read_volume`] with given limits.
