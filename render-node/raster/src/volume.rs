@@ -3,10 +3,10 @@
 //! Gaussians of the volume should look the same. Samples have the shading of [`Material::STANDARD`], in the rules of
 //! [`crate::shading`].
 
-use glam::{DMat4, Vec3};
+use glam::Vec3;
 use sg_scene::appearance::Clip;
 use sg_scene::camera::{Camera, LightMode};
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingColumns, ShadingModel};
+use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_scene::orientation::{LengthUnit, Orientation, PatientFrame};
 use sg_volume::dvr::{self, ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher};
 use sg_volume::{Classifier, Field, WorldFrame, visible_bounds, world_frame};
@@ -37,20 +37,9 @@ pub fn region(clip: &Clip) -> ClipRegion {
 #[must_use]
 pub fn empty_scene(field: &Field, classifier: &Classifier, frame: WorldFrame) -> Scene {
     let bounds = visible_bounds(field, classifier);
-    let unit = BaseUnit {
-        name: "volume".to_owned(),
-        file: None,
-        gaussians: Gaussians { shading: Some(ShadingColumns::default()), ..Gaussians::default() },
-        first: 0,
-        palette: Vec3::splat(0.5),
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: true,
-        transfer_function: None,
-    };
-    let mut scene = Scene::compose(vec![unit], Some(SceneBox { min: bounds.min, max: bounds.max }));
+    let gaussians = Gaussians { shading: Some(ShadingColumns::default()), ..Gaussians::default() };
+    let mut scene =
+        Scene::compose(vec![BaseUnit::new("volume", gaussians)], Some(SceneBox { min: bounds.min, max: bounds.max }));
     scene.orientation = orientation_of(frame);
     scene
 }

@@ -18,7 +18,7 @@ use std::time::Instant;
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, SceneBox, ShadingColumns, ShadingModel};
+use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::dvr::Material;
 use sg_volume::transfer::Problem;
 use sg_volume::{Field, Surfaceness, TransferFunction};
@@ -373,19 +373,8 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
         extra: Vec::new(),
         antialiased: true,
     };
-    BaseUnit {
-        name,
-        file: None,
-        gaussians,
-        first: 0,
-        palette,
-        opacity: 1.0,
-        transform: DMat4::from_translation(shift),
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: true,
-        transfer_function: None,
-    }
+    let transform = DMat4::from_translation(shift);
+    BaseUnit { palette, transform, oriented_normals: true, ..BaseUnit::new(name, gaussians) }
 }
 
 impl UnitReport {

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use sg_proto::scene::StrokeKind;
 use sg_raster::structure::NO_CLUSTER;
 use sg_scene::mask::Mask;
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingModel};
+use sg_scene::model::{BaseUnit, Gaussians, Scene};
 use sg_selection::brush::Brush;
 use sg_viewer::display::{BrushController, BrushMode, BrushSample, BrushSign, Clusters, Request, Tools};
 
@@ -19,20 +19,7 @@ pub(crate) fn row_of_gaussians(n: usize) -> Scene {
         opacity_logit: vec![0.0; n],
         ..Gaussians::default()
     };
-    let unit = BaseUnit {
-        name: "row".to_owned(),
-        file: None,
-        gaussians,
-        first: 0,
-        palette: Vec3::ONE,
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: false,
-        transfer_function: None,
-    };
-    Scene::compose(vec![unit], None)
+    Scene::compose(vec![BaseUnit::new("row", gaussians)], None)
 }
 
 fn hand(scene: &Scene) -> BrushController {

@@ -279,6 +279,24 @@ pub struct BaseUnit {
 }
 
 impl BaseUnit {
+    /// Gaussians of our own, of no file: where they are, without a palette, opaque as they are, without signs of their normals.
+    #[must_use]
+    pub fn new(name: impl Into<String>, gaussians: Gaussians) -> Self {
+        Self {
+            name: name.into(),
+            file: None,
+            gaussians,
+            first: 0,
+            palette: Vec3::ZERO,
+            opacity: 1.0,
+            transform: DMat4::IDENTITY,
+            convention: Convention::Ours,
+            shading: ShadingModel::Paper,
+            oriented_normals: false,
+            transfer_function: None,
+        }
+    }
+
     /// Scene-wide indices of this unit's Gaussians.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
@@ -430,24 +448,15 @@ mod tests {
 
     #[test]
     fn locate_skips_empty_units() {
-        let unit = |name: &str, n: usize| BaseUnit {
-            name: name.into(),
-            file: None,
-            gaussians: Gaussians {
+        let unit = |name: &str, n: usize| {
+            let gaussians = Gaussians {
                 position: vec![Vec3::ZERO; n],
                 rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
                 log_scale: vec![Vec3::ZERO; n],
                 opacity_logit: vec![0.0; n],
                 ..Gaussians::default()
-            },
-            first: 0,
-            palette: Vec3::ONE,
-            opacity: 1.0,
-            transform: DMat4::IDENTITY,
-            convention: Convention::Ours,
-            shading: ShadingModel::Paper,
-            oriented_normals: false,
-            transfer_function: None,
+            };
+            BaseUnit::new(name, gaussians)
         };
         let scene = Scene::compose(vec![unit("a", 2), unit("b", 0), unit("c", 3)], None);
         assert_eq!(scene.len(), 5);

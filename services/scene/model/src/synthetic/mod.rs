@@ -1,27 +1,15 @@
 //! Synthetic scenes and points for tests, benches and examples; deterministic by seed.
 
-use crate::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
+use crate::model::{BaseUnit, Gaussians, Scene, ShadingColumns};
 pub mod samples;
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A unit of the given Gaussians with an identity transform.
 pub fn unit_of(gaussians: Gaussians) -> BaseUnit {
-    BaseUnit {
-        name: "unit".into(),
-        file: None,
-        gaussians,
-        first: 0,
-        palette: Vec3::ONE,
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: false,
-        transfer_function: None,
-    }
+    BaseUnit { palette: Vec3::ONE, ..BaseUnit::new("unit", gaussians) }
 }
 
 /// A generator of one seed.
@@ -173,31 +161,26 @@ pub fn test_scene(units: &[(&str, usize)]) -> Scene {
         (seed >> 8) as f32 / (1 << 24) as f32
     };
     let units = units.iter().enumerate().map(|(k, &(name, n))| BaseUnit {
-        name: name.to_owned(),
-        file: None,
-        gaussians: Gaussians {
-            position: (0..n).map(|_| 10.0 * Vec3::new(random(), random(), random())).collect(),
-            rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
-            log_scale: vec![Vec3::splat(-2.0); n],
-            opacity_logit: vec![0.5; n],
-            shading: Some(ShadingColumns {
-                offset_color: vec![Vec3::ZERO; n],
-                normal: vec![Vec3::Z; n],
-                ambient: vec![0.3; n],
-                diffuse: vec![0.6; n],
-                specular: vec![0.1; n],
-                shininess: vec![8.0; n],
-            }),
-            ..Gaussians::default()
-        },
-        first: 0,
         palette: Vec3::new(0.25 * (k + 1) as f32 % 1.0, 0.5, 0.75),
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
         oriented_normals: true,
-        transfer_function: None,
+        ..BaseUnit::new(
+            name,
+            Gaussians {
+                position: (0..n).map(|_| 10.0 * Vec3::new(random(), random(), random())).collect(),
+                rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
+                log_scale: vec![Vec3::splat(-2.0); n],
+                opacity_logit: vec![0.5; n],
+                shading: Some(ShadingColumns {
+                    offset_color: vec![Vec3::ZERO; n],
+                    normal: vec![Vec3::Z; n],
+                    ambient: vec![0.3; n],
+                    diffuse: vec![0.6; n],
+                    specular: vec![0.1; n],
+                    shininess: vec![8.0; n],
+                }),
+                ..Gaussians::default()
+            },
+        )
     });
     Scene::compose(units.collect(), None)
 }

@@ -4,9 +4,7 @@ use glam::{DMat4, DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::model::{
-    BaseUnit, Convention, ExtraColumn, ExtraValues, Gaussians, Harmonics, Scene, ShadingColumns, ShadingModel,
-};
+use crate::model::{BaseUnit, ExtraColumn, ExtraValues, Gaussians, Harmonics, Scene, ShadingColumns};
 
 fn vec3(random: &mut ChaCha8Rng, low: f32, high: f32) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|_| random.random_range(low..high)))
@@ -57,19 +55,8 @@ pub fn editable_columns(n: usize, seed: u64) -> Gaussians {
 
 /// A base unit at its place.
 pub fn unit(name: &str, gaussians: Gaussians) -> BaseUnit {
-    BaseUnit {
-        name: name.to_owned(),
-        file: None,
-        gaussians,
-        first: 0,
-        palette: Vec3::new(0.25, 0.5, 0.125),
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: true,
-        transfer_function: None,
-    }
+    let palette = Vec3::new(0.25, 0.5, 0.125);
+    BaseUnit { palette, oriented_normals: true, ..BaseUnit::new(name, gaussians) }
 }
 
 /// One editable unit.

@@ -6,8 +6,8 @@ pub(crate) mod random_actions;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use glam::{DMat4, Vec3};
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
+use glam::Vec3;
+use sg_scene::model::{BaseUnit, Gaussians, Scene, ShadingColumns};
 
 /// Writes a 3DGS file of `n` Gaussians on a spiral; its only base unit is called after the file.
 pub(crate) fn write_ply(path: &Path, n: usize) {
@@ -29,31 +29,26 @@ pub(crate) fn write_ply(path: &Path, n: usize) {
 pub(crate) fn shaded_scene(n: usize) -> Scene {
     let at = |i: usize, k: f32| (i as f32 * k).sin();
     let unit = BaseUnit {
-        name: "spiral".to_owned(),
-        file: None,
-        gaussians: Gaussians {
-            position: (0..n).map(|i| Vec3::new(at(i, 0.1), at(i, 0.37), at(i, 0.71))).collect(),
-            rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
-            log_scale: vec![Vec3::splat(-4.0); n],
-            opacity_logit: (0..n).map(|i| at(i, 0.9)).collect(),
-            shading: Some(ShadingColumns {
-                offset_color: vec![Vec3::splat(0.1); n],
-                normal: vec![Vec3::Z; n],
-                ambient: vec![0.3; n],
-                diffuse: vec![0.6; n],
-                specular: vec![0.2; n],
-                shininess: vec![16.0; n],
-            }),
-            ..Gaussians::default()
-        },
-        first: 0,
         palette: Vec3::new(0.8, 0.7, 0.6),
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
         oriented_normals: true,
-        transfer_function: None,
+        ..BaseUnit::new(
+            "spiral",
+            Gaussians {
+                position: (0..n).map(|i| Vec3::new(at(i, 0.1), at(i, 0.37), at(i, 0.71))).collect(),
+                rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
+                log_scale: vec![Vec3::splat(-4.0); n],
+                opacity_logit: (0..n).map(|i| at(i, 0.9)).collect(),
+                shading: Some(ShadingColumns {
+                    offset_color: vec![Vec3::splat(0.1); n],
+                    normal: vec![Vec3::Z; n],
+                    ambient: vec![0.3; n],
+                    diffuse: vec![0.6; n],
+                    specular: vec![0.2; n],
+                    shininess: vec![16.0; n],
+                }),
+                ..Gaussians::default()
+            },
+        )
     };
     Scene::compose(vec![unit], None)
 }
