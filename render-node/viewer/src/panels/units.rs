@@ -121,8 +121,13 @@ impl Panels {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
-                // The palette of a trained scene is black: its Gaussians have colours of their own.
-                color: Some(base.palette).filter(|palette| *palette != Vec3::ZERO),
+                // The palette of a trained scene is black: its Gaussians have colours of their own. A copy has the look of its
+                // original, which another unit may have coloured.
+                color: state
+                    .scene
+                    .covering_color(UnitRef::Base(i))
+                    .or(Some(base.palette))
+                    .filter(|palette| *palette != Vec3::ZERO),
                 opacity: base.opacity,
                 visible: base.visible,
                 locked: base.locked,

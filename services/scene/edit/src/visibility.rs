@@ -1,10 +1,11 @@
-//! Which Gaussians are shown, and how opaque edits leave those of a unit.
+//! Which Gaussians are shown, and how opaque and in which colour edits leave those of a unit.
 
+use glam::Vec3;
 use sg_scene::mask::Mask;
 
 use super::state::{EditState, UnitRef};
 
-/// Most Gaussians of a unit that its mean opacity factor is taken over.
+/// Most Gaussians of a unit that its mean opacity factor and its colour are taken over.
 const SAMPLES: usize = 512;
 
 impl EditState {
@@ -41,6 +42,18 @@ impl EditState {
         let sum: f64 = samples.iter().map(of_gaussian).sum();
         (!samples.is_empty()).then(|| (sum / samples.len() as f64) as f32)
     }
+
+    /// The colour that one editable unit gives to all Gaussians of a unit: the latest one with a colour, of those that hold a
+    /// Gaussian. A larger unit is sampled as for [`EditState::mean_opacity`]. `None` where several or none do.
+    #[must_use]
+    pub fn covering_color(&self, unit: UnitRef) -> Option<Vec3> {
+        let colored: Vec<_> = self.units().filter(|unit| unit.color.is_some()).collect();
+        let latest = |i: &usize| colored.iter().rev().find(|unit| unit.mask.get(*i));
+        let samples = self.members(unit).samples(SAMPLES);
+        let covering = latest(samples.first()?)?;
+        let covers = |i| latest(i).is_some_and(|unit| unit.id == covering.id);
+        samples.iter().all(covers).then_some(covering.color)?
+    }
 }
 
 #[cfg(test)]
@@ -48,7 +61,7 @@ mod tests {
     use std::sync::Arc;
 
     use sg_proto::scene::command::Action;
-    use sg_proto::scene::{Command, SetOpacity, SetVisibility, Target};
+    use sg_proto::scene::{Color, Command, Select, SetColor, SetOpacity, SetOperation, SetVisibility, Target};
     use sg_scene::synthetic::test_scene;
 
     use super::*;
@@ -77,6 +90,24 @@ mod tests {
         assert_eq!(editor.state().visible().ones().next(), Some(5));
         assert_eq!(editor.state().mean_opacity(UnitRef::Base(0)), Some(0.0));
         assert_eq!(editor.state().mean_opacity(UnitRef::Base(1)), Some(1.0));
+    }
+
+    #[test]
+    fn a_colour_that_covers_a_unit_is_told() {
+        let mut editor = editor();
+        let red = Color { red: 1.0, green: 0.0, blue: 0.0 };
+        let paint = |target| Action::SetColor(SetColor { target, color: Some(red) });
+        let selection = || Some(Target { selection: true, ..Target::default() });
+        let select = |name| Action::Select(Select { target: target(name), operation: SetOperation::Replace.into() });
+        apply(&mut editor, 1, select("bone"));
+        apply(&mut editor, 2, paint(selection()));
+        let covering = |editor: &Editor| [0, 1].map(|k| editor.state().covering_color(UnitRef::Base(k)));
+        assert_eq!(covering(&editor), [Some(Vec3::X), None]);
+        // A colour of the unit itself takes the place of the other.
+        let own = Color { red: 0.0, green: 1.0, blue: 0.0 };
+        apply(&mut editor, 3, Action::SetColor(SetColor { target: target("bone"), color: Some(own) }));
+        assert_eq!(covering(&editor), [None, None]);
+        assert_eq!(editor.state().base_units()[0].palette, Vec3::Y);
     }
 
     #[test]
