@@ -1,6 +1,6 @@
 //! The bars of a window: tools above the picture, the status line below it, and the list of shortcuts.
 
-use egui::{Align2, RichText, Ui};
+use egui::{Align2, Label, RichText, Ui};
 
 use super::mouse_tool::MouseTool;
 use super::navigation::NavigationMode;
@@ -150,7 +150,7 @@ impl WindowUi {
             }
             if let Some(trouble) = &newest.trouble {
                 ui.separator();
-                ui.label(RichText::new(trouble).color(theme::color_of(BrushSign::Remove)));
+                ui.add(Label::new(RichText::new(trouble).color(theme::color_of(BrushSign::Remove))).truncate());
             }
             if let Some((share, what)) = self.exporter.progress() {
                 ui.separator();
@@ -160,7 +160,8 @@ impl WindowUi {
             }
             if !self.line.is_empty() {
                 ui.separator();
-                ui.label(&self.line);
+                // In a narrow window it ends in an ellipsis, and its tooltip has the whole line.
+                ui.add(Label::new(&self.line).truncate());
             }
         });
     }

@@ -21,6 +21,7 @@ use super::drawing;
 use super::error::WindowError;
 use super::exporter::Exporter;
 use super::hints::{self, Hint, HintPlaces};
+use super::mouse_tool::MouseTool;
 use super::navigation::Navigator;
 use super::scene_view::SceneView;
 use super::settings::Settings;
@@ -304,8 +305,13 @@ impl WindowUi {
         let notices = egui::Area::new(egui::Id::unique("notices")).anchor(Align2::CENTER_BOTTOM, [0.0, -NOTICES]);
         notices.interactable(false).show(ui.ctx(), |ui| self.panels.notices(ui, &state));
         if self.panels_shown && !self.help {
-            let places =
-                HintPlaces { name: self.panels.name_place(), ask: self.panels.say_place(), ..self.hint_places };
+            // Another tool has a card of its own where the hint of the brush would be.
+            let is_free = matches!(self.scene_view.mouse_tool, MouseTool::Navigate | MouseTool::Brush);
+            let places = HintPlaces {
+                brush: self.hint_places.brush.filter(|_| is_free),
+                name: self.panels.name_place(),
+                ask: self.panels.say_place(),
+            };
             hints::show(ui, places, picture, &state, &mut self.hints_done);
         }
         if self.help {
