@@ -131,14 +131,14 @@ pub(crate) struct Picture {
     /// Term of the shading to draw.
     #[arg(long, value_enum, default_value_t = TermName::Full)]
     term: TermName,
-    /// Keeps only Gaussians with centres on one side of a plane: the side to which N points, with P on the plane. Scene
+    /// Keeps one side of a plane: the side to which N points, with P on the plane. It cuts Gaussians that cross it. Scene
     /// coordinates. Repeatable.
     #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_plane: Vec<[f64; 6]>,
-    /// Keeps only Gaussians with centres in the box between two corners. Scene coordinates. Repeatable.
+    /// Keeps the inside of the box between two corners. Scene coordinates. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     clip_box: Vec<[f64; 6]>,
-    /// Leaves out Gaussians with centres in the box between two corners. Scene coordinates. Repeatable.
+    /// Leaves out the inside of the box between two corners. Scene coordinates. Repeatable.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     cut_box: Vec<[f64; 6]>,
     /// Draws Super-Gaussians or an attribute as colours, without shading. The first two values need --clusters.
