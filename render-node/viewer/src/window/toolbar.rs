@@ -191,7 +191,7 @@ impl WindowUi {
                 };
                 if is_wide {
                     ui.horizontal_top(|ui| {
-                        for side in [&[Group::Tools, Group::Files, Group::Other][..], &[Group::Selection, Group::View]]
+                        for side in [&[Group::Tools, Group::Files][..], &[Group::Selection, Group::View, Group::Other]]
                         {
                             ui.vertical(|ui| side.iter().for_each(|group| list(ui, *group)));
                         }
