@@ -15,6 +15,7 @@ use sg_proto::scene::{CommitSelection, SelectionStep, Stroke, StrokeKind, Stroke
 use sg_proto::selection::{Proposal, ProposalsReply};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use sg_scene::orientation::Axis;
 use sg_selection::brush::Brush;
 use sg_viewer::display::{
     Backend, BrushMode, Locomotion, Request, ServiceAvailability, Tools, ViewPort, ViewState, WalkCapabilities,
@@ -255,7 +256,10 @@ fn inside_the_room_of_a_real_scene_is_composited() {
         return;
     }
     let path = seen::data().unwrap().join("splats/donut_fused.ply");
-    let scene = Arc::new(load(&path, &LoadOptions::default()).unwrap().scene);
+    let mut scene = load(&path, &LoadOptions::default()).unwrap().scene;
+    // Unlike most trained splats, it has z up.
+    scene.orientation.up = Some(Axis::PlusZ);
+    let scene = Arc::new(scene);
     let screen = Screen::start(SIZE);
     let _runtime = Runtime::start(&Display::X(&screen));
     let puppet = Puppet::connect();
