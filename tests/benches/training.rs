@@ -37,12 +37,14 @@ use sg_volume::phantom::{self, VesselTree};
 use sg_volume::transfer::ControlPoint;
 use sg_volume::{Field, TransferFunction, read_volume};
 
-/// Volumes of the demo, and the synthetic one.
-const VOLUMES: [(&str, Option<&str>); 4] = [
+/// The synthetic volume, and real ones: the file below the folder of volumes, and the transfer function from here.
+const VOLUMES: [(&str, Option<[&str; 2]>); 6] = [
     ("phantom", None),
-    ("bonsai", Some("bonsai_256x256x256_uint8.raw.zst")),
-    ("aneurism", Some("aneurism_256x256x256_uint8.raw.zst")),
-    ("tooth", Some("tooth_103x94x161_uint8.raw.zst")),
+    ("bonsai", Some(["bonsai_256x256x256_uint8.raw.zst", "../launch/demo/bonsai.tf.json"])),
+    ("aneurism", Some(["aneurism_256x256x256_uint8.raw.zst", "../launch/demo/aneurism.tf.json"])),
+    ("tooth", Some(["tooth_103x94x161_uint8.raw.zst", "../launch/demo/tooth.tf.json"])),
+    ("lobster", Some(["lobster_small_120x120x34_uint8.raw.zst", "benches/transfer-functions/lobster.tf.json"])),
+    ("heptane", Some(["heptane_cropped_302x302x302_uint8.raw.zst", "benches/transfer-functions/heptane.tf.json"])),
 ];
 
 /// Seconds at which the table has a column.
@@ -123,9 +125,9 @@ fn main() {
         edits: head(&["volume", "edit", "dB: direct start", "trained", "trained, to the unedited picture"]),
     };
     let mut courses = Vec::new();
-    for (name, file) in VOLUMES {
+    for (name, files) in VOLUMES {
         let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
-        let Some((field, function)) = is_asked.then(|| volume(&arguments, name, file)).flatten() else { continue };
+        let Some((field, function)) = is_asked.then(|| volume(&arguments, files)).flatten() else { continue };
         tables.marching.push(marched(&arguments, name, &field, &function));
         courses.push(measured(&arguments, name, &field, &function, &mut tables));
     }
@@ -146,13 +148,13 @@ fn head(columns: &[&str]) -> Vec<String> {
     vec![line, rule]
 }
 
-fn volume(arguments: &Arguments, name: &str, file: Option<&str>) -> Option<(Field, TransferFunction)> {
-    let Some(file) = file else {
+fn volume(arguments: &Arguments, files: Option<[&str; 2]>) -> Option<(Field, TransferFunction)> {
+    let Some([file, function]) = files else {
         let raster = VesselTree::new().rasterize(128, 0).unwrap();
         return Some((raster.volume().unwrap().to_field(), phantom::transfer_function()));
     };
     let path = arguments.data.as_ref()?.join(file);
-    let function = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../launch/demo/{name}.tf.json"));
+    let function = Path::new(env!("CARGO_MANIFEST_DIR")).join(function);
     let function = TransferFunction::load(&function).unwrap().function;
     Some((read_volume(&path).unwrap_or_else(|e| panic!("{e}")).to_field(), function))
 }
