@@ -116,7 +116,7 @@ impl WindowUi {
 
     /// The status line: renderer, selection, messages.
     pub(super) fn status(&mut self, ui: &mut Ui, state: &ViewState) {
-        ui.horizontal_wrapped(|ui| {
+        ui.horizontal(|ui| {
             let newest = &self.scene_view.newest;
             let level = newest.level.map_or_else(String::new, |level| {
                 let quality = match level.quality {
