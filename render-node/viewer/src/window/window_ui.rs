@@ -161,7 +161,7 @@ impl WindowUi {
             self.tools;
         Settings {
             panels: self.panels_shown,
-            mouse_tool: self.scene_view.mouse_tool.at_first(),
+            mouse_tool: self.scene_view.mouse_tool,
             navigation_mode: self.scene_view.navigator.navigation_mode,
             mode,
             radius,

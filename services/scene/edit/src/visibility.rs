@@ -47,7 +47,11 @@ impl EditState {
     /// Gaussian. A larger unit is sampled as for [`EditState::mean_opacity`]. `None` where several or none do.
     #[must_use]
     pub fn covering_color(&self, unit: UnitRef) -> Option<Vec3> {
+        // Most scenes have no such unit, and a panel asks for each row in each frame.
         let colored: Vec<_> = self.units().filter(|unit| unit.color.is_some()).collect();
+        if colored.is_empty() {
+            return None;
+        }
         let latest = |i: &usize| colored.iter().rev().find(|unit| unit.mask.get(*i));
         let samples = self.members(unit).samples(SAMPLES);
         let covering = latest(samples.first()?)?;
