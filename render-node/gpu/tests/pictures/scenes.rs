@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use sg_raster::render::{Quality, Rendered, render};
 use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};
-use sg_scene::model::{BaseUnit, Convention, Gaussians, Scene, ShadingColumns, ShadingModel};
+use sg_scene::model::{BaseUnit, Gaussians, Scene, ShadingColumns};
 
 /// One Gaussian that is drawn in exactly its colour: ka = 1, nothing else.
 #[derive(Debug, Clone, Copy)]
@@ -37,33 +37,22 @@ pub(crate) fn logit(opacity: f32) -> f32 {
 pub(crate) fn unit(name: &str, blobs: &[Blob]) -> BaseUnit {
     let n = blobs.len();
     let column = |x: f32| vec![x; n];
-    BaseUnit {
-        name: name.into(),
-        file: None,
-        gaussians: Gaussians {
-            position: blobs.iter().map(|b| b.position).collect(),
-            rotation: blobs.iter().map(|b| b.rotation).collect(),
-            log_scale: blobs.iter().map(|b| b.log_scale).collect(),
-            opacity_logit: blobs.iter().map(|b| b.logit).collect(),
-            shading: Some(ShadingColumns {
-                offset_color: blobs.iter().map(|b| b.color).collect(),
-                normal: vec![Vec3::ZERO; n],
-                ambient: column(1.0),
-                diffuse: column(0.0),
-                specular: column(0.0),
-                shininess: column(1.0),
-            }),
-            ..Gaussians::default()
-        },
-        first: 0,
-        palette: Vec3::ZERO,
-        opacity: 1.0,
-        transform: DMat4::IDENTITY,
-        convention: Convention::Ours,
-        shading: ShadingModel::Paper,
-        oriented_normals: true,
-        transfer_function: None,
-    }
+    let gaussians = Gaussians {
+        position: blobs.iter().map(|b| b.position).collect(),
+        rotation: blobs.iter().map(|b| b.rotation).collect(),
+        log_scale: blobs.iter().map(|b| b.log_scale).collect(),
+        opacity_logit: blobs.iter().map(|b| b.logit).collect(),
+        shading: Some(ShadingColumns {
+            offset_color: blobs.iter().map(|b| b.color).collect(),
+            normal: vec![Vec3::ZERO; n],
+            ambient: column(1.0),
+            diffuse: column(0.0),
+            specular: column(0.0),
+            shininess: column(1.0),
+        }),
+        ..Gaussians::default()
+    };
+    BaseUnit { oriented_normals: true, ..BaseUnit::new(name, gaussians) }
 }
 
 pub(crate) fn scene(blobs: &[Blob]) -> Scene {
