@@ -285,7 +285,7 @@ impl Frame {
     fn of(scene: &Scene, appearance: &Appearance, cameras: &[Camera], options: &WorkOptions) -> Self {
         let Settings { depths, rasterizer, .. } = options.settings;
         let number = if options.renderer.half { 2 } else { 4 };
-        let lit = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+        let lit = scene.has_shading();
         let of_harmonics = scene.units.iter().filter(|u| u.gaussians.shading.is_none());
         let degree = of_harmonics.filter_map(|u| u.gaussians.harmonics.as_ref().map(|h| u64::from(h.degree))).max();
         let coefficients = degree.map_or(0, |degree| 3 * (degree + 1) * (degree + 1));

@@ -109,7 +109,7 @@ impl SceneBuffers {
     /// Uploads; `half` stores shading columns and harmonics in half precision.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene, half: bool) -> Self {
         let origin = origin(scene);
-        let lit = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+        let lit = scene.has_shading();
         let degree = scene
             .units
             .iter()

@@ -177,7 +177,7 @@ fn surface_share(ambient: f64, diffuse: f64) -> f64 {
 /// it.
 #[must_use]
 pub fn ambient_occlusion(scene: &Scene, appearance: &Appearance) -> Option<Arc<[f32]>> {
-    if !scene.units.iter().any(|unit| unit.gaussians.shading.is_some()) {
+    if !scene.has_shading() {
         return None;
     }
     let units = scene.units.iter().zip(&appearance.base);

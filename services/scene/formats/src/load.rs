@@ -8,7 +8,6 @@ use glam::{DMat4, Vec3};
 pub use crate::splat::LoadError;
 use crate::splat::decode::{self, decode_unit};
 use crate::splat::format::{Decoded, FolderContent, Listing, START_LENGTH, Source, UnitSource};
-use crate::splat::unit_comments::OF_TRAINED;
 use crate::splat::{Format, Problem, Warning, WarningCode, palette};
 use crate::validation::NonFiniteCounts;
 use sg_input::{file, limits, unreadable};
@@ -77,9 +76,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     }
     let (format, bounds) =
         listing.scene.unwrap_or_else(|| (unit_formats.first().copied().unwrap_or(container), bounds));
-    let is_trained = |unit: &BaseUnit| unit.gaussians.shading.is_none() && unit.gaussians.harmonics.is_some();
-    if orientation.patient.is_none() && !units.is_empty() && units.iter().all(is_trained) {
-        orientation = orientation.with_up(orientation.up.or(OF_TRAINED.up));
+    if orientation.patient.is_none() && !units.is_empty() && units.iter().all(BaseUnit::is_trained) {
+        orientation = orientation.with_up(orientation.up.or(Orientation::OF_TRAINED.up));
     }
     let scene = Scene { orientation, ..Scene::compose(units, bounds) };
     let mut warnings = reader.warnings;

@@ -129,7 +129,7 @@ fn choose(target: &Target, scene: &Scene, options: &SaveOptions) -> Result<(Form
             Problem::new("path", "it is a folder", remedy)
         });
     };
-    let has_shading = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+    let has_shading = scene.has_shading();
     // `ours` for a scene file means the format of its units.
     let requested = options.format.filter(|f| !(*f == Format::OURS && *extension == ".toml"));
     let fits = |format: Format| format.extensions().iter().any(|e| name.ends_with(e));

@@ -15,7 +15,7 @@ use crate::appearance::Appearance;
 use crate::camera::Camera;
 use crate::mask::Mask;
 use crate::model::{Scene, SceneBox};
-use crate::orientation::Side;
+use crate::orientation::{Orientation, Side};
 use crate::subject::Subject;
 use crate::view::{FIELD_OF_VIEW, View};
 
@@ -58,13 +58,13 @@ pub fn default_camera_of(scene: &Scene, appearance: &Appearance, width: u32, hei
 /// The direction of [`default_camera`] from the eye to the scene, and the scene direction that points up in the picture.
 #[must_use]
 pub fn default_sight(scene: &Scene) -> (DVec3, DVec3) {
-    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+    let from_volume = scene.has_shading();
     let frame = scene.orientation.front_frame();
     let says_up = scene.orientation.patient.is_some() || scene.orientation.up.is_some();
     match (from_volume, says_up) {
         (true, _) => (frame * DVec3::new(-0.5, 0.8, -0.35), frame.z_axis),
         (false, true) => scene.orientation.direction_and_up(Side::Front),
-        (false, false) => (DVec3::Z, DVec3::NEG_Y),
+        (false, false) => Orientation::OF_TRAINED.direction_and_up(Side::Front),
     }
 }
 
@@ -145,7 +145,7 @@ impl FirstView {
 #[must_use]
 pub fn framed_box(scene: &Scene) -> SceneBox {
     let placed = scene.units.iter().any(|u| u.transform != glam::DMat4::IDENTITY);
-    let from_volume = scene.units.iter().any(|u| u.gaussians.shading.is_some());
+    let from_volume = scene.has_shading();
     if from_volume && !placed {
         scene.bounds
     } else {

@@ -303,13 +303,18 @@ impl BaseUnit {
         self.first..self.first + self.gaussians.len()
     }
 
+    /// Whether its colours are harmonics alone, as plain 3DGS trains them.
+    #[must_use]
+    pub fn is_trained(&self) -> bool {
+        self.gaussians.shading.is_none() && self.gaussians.harmonics.is_some()
+    }
+
     /// The colour that a palette gives to a unit of trained splats, whose colours are harmonics alone: that of the palette, unless
     /// it is the file's own. It replaces their hue as the colour of a saved unit does
     /// ([`recolored_unlit`](crate::recolor::recolored_unlit)). Other units add the palette to their colours.
     #[must_use]
     pub fn tint(&self, palette: Vec3) -> Option<Vec3> {
-        let is_trained = self.gaussians.shading.is_none() && self.gaussians.harmonics.is_some();
-        (is_trained && palette != self.palette).then_some(palette)
+        (self.is_trained() && palette != self.palette).then_some(palette)
     }
 }
 
@@ -337,6 +342,12 @@ impl Scene {
         let bounds = bounds
             .unwrap_or_else(|| SceneBox::of_points(units.iter().flat_map(|u| u.gaussians.position.iter().copied())));
         Self { units, bounds, orientation: Orientation::default() }
+    }
+
+    /// Whether some unit has shading columns. Such scenes come from volumes.
+    #[must_use]
+    pub fn has_shading(&self) -> bool {
+        self.units.iter().any(|unit| unit.gaussians.shading.is_some())
     }
 
     /// Number of Gaussians in all units.

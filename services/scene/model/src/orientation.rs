@@ -199,6 +199,21 @@ pub struct Orientation {
 }
 
 impl Orientation {
+    /// That of trained splats whose file says nothing: −y is up. Their y axis points down, like that of the cameras that COLMAP finds
+    /// for the training.
+    pub const OF_TRAINED: Self = Self { patient: None, unit: None, up: Some(Axis::MinusY) };
+
+    /// The known parts, by their keys in files.
+    pub fn names(self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        let Self { patient, unit, up } = self;
+        let names = [
+            ("patient", patient.map(PatientFrame::name)),
+            ("unit", unit.map(LengthUnit::name)),
+            ("up", up.map(Axis::name)),
+        ];
+        names.into_iter().filter_map(|(key, name)| Some((key, name?)))
+    }
+
     /// The direction that is up: the file's, else +Z. Superior is +Z in both frames of a patient.
     #[must_use]
     pub fn up(self) -> Axis {

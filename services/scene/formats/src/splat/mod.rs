@@ -43,7 +43,7 @@ mod scene_toml;
 mod tests;
 mod three_dgs;
 pub(crate) mod toml_number;
-pub(crate) mod unit_comments;
+mod unit_comments;
 mod unlit;
 
 pub use format::{Format, LoadError, SaveOptions};

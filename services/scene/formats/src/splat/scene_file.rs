@@ -241,16 +241,10 @@ impl SceneFile {
             // Writing into a String cannot fail.
             let _ = writeln!(text, "\n[box]\nmin = {}\nmax = {}", list(b.min.to_array()), list(b.max.to_array()));
         }
-        let Orientation { patient, unit, up } = self.orientation;
-        let told = [
-            ("patient", patient.map(PatientFrame::name)),
-            ("unit", unit.map(LengthUnit::name)),
-            ("up", up.map(Axis::name)),
-        ];
-        if told.iter().any(|(_, name)| name.is_some()) {
+        if self.orientation != Orientation::default() {
             let _ = writeln!(text, "\n[orientation]");
         }
-        for (key, name) in told.into_iter().filter_map(|(key, name)| Some((key, name?))) {
+        for (key, name) in self.orientation.names() {
             let _ = writeln!(text, "{key} = {}", string(name));
         }
         for unit in &self.units {

@@ -140,27 +140,16 @@ impl UnitComments {
     }
 }
 
-/// What readers take for the directions of trained splats whose file gives none: −y is up. Their y axis points down, like that of
-/// the cameras that COLMAP finds for the training.
-pub(crate) const OF_TRAINED: Orientation = Orientation { patient: None, unit: None, up: Some(Axis::MinusY) };
-
-/// The comment of an unlit file about its scene, unless it is [`OF_TRAINED`]. The direction that is up always stands in it if the
+/// The comment of an unlit file about its scene, unless it is [`Orientation::OF_TRAINED`]. The direction that is up always stands in it if the
 /// Gaussians come from a volume, since readers take unlit ones for trained splats otherwise.
 pub(crate) fn orientation_of_unlit(scene: &Scene) -> Option<String> {
-    let from_volume = scene.units.iter().any(|unit| unit.gaussians.shading.is_some());
-    let up = scene.orientation.up.or(from_volume.then_some(scene.orientation.up()));
-    Some(Orientation { up, ..scene.orientation }).filter(|told| *told != OF_TRAINED).and_then(orientation_line)
+    let up = scene.orientation.up.or(scene.has_shading().then_some(scene.orientation.up()));
+    let orientation = Orientation { up, ..scene.orientation };
+    (orientation != Orientation::OF_TRAINED).then(|| orientation_line(orientation)).flatten()
 }
 
 fn orientation_line(orientation: Orientation) -> Option<String> {
-    let Orientation { patient, unit, up } = orientation;
-    let names = [
-        ("patient", patient.map(PatientFrame::name)),
-        ("unit", unit.map(LengthUnit::name)),
-        ("up", up.map(Axis::name)),
-    ];
-    let known: Vec<String> =
-        names.into_iter().filter_map(|(key, name)| Some(format!("{key} = \"{}\"", name?))).collect();
+    let known: Vec<String> = orientation.names().map(|(key, name)| format!("{key} = \"{name}\"")).collect();
     (!known.is_empty()).then(|| format!("orientation = {{ {} }}", known.join(", ")))
 }
 

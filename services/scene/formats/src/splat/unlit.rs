@@ -16,7 +16,7 @@ use sg_scene::model::{BaseUnit, ExtraColumn, ExtraValues, Gaussians, Harmonics, 
 
 /// All units, one after another in scene order.
 pub(crate) fn flatten<'a>(scene: &'a Scene, warnings: &mut Vec<Warning>) -> Cow<'a, Gaussians> {
-    if scene.units.iter().any(|u| u.gaussians.shading.is_some()) {
+    if scene.has_shading() {
         warnings.push(Warning::new(
             WarningCode::Lossy,
             "colours are written as palette + offset, unlit: palette, ka, kd, ks and β are not kept",
