@@ -3,10 +3,10 @@
 //!
 //!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --scene bonsai-830000/scene.toml --out costs
 //!
-//! With `--measure` it draws some of the poses on a device, and prints how the counted work and the measured seconds of each pass
-//! correlate:
+//! With `--measure` it draws the poses on a device too. It prints the measured milliseconds of each pass beside those predicted for a
+//! card, and how counted work and measured seconds correlate:
 //!
-//!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --poses 12 --size 516x552 --measure
+//!     cargo bench --workspace --bench costs -- --scene bonsai-170000/scene.toml --poses 12 --measure --card h100
 //!
 //! With `--foveation` it counts tiles with half resolution in the periphery too, and prints their decibels to the whole picture:
 //!
@@ -20,6 +20,7 @@
 )]
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use glam::{DQuat, DVec3};
@@ -69,6 +70,15 @@ struct Arguments {
     /// Draws on a device too.
     #[arg(long)]
     measure: bool,
+    /// Card whose predictions stand beside the measured milliseconds.
+    #[arg(long, default_value = Card::ALL[0].name)]
+    card: String,
+    /// As while the view moves: coarser cut-offs, and an order of 16 bits.
+    #[arg(long)]
+    in_motion: bool,
+    /// Tiles read each splat from the lists, as on software devices, not from copies in workgroup memory.
+    #[arg(long)]
+    unstaged: bool,
     /// Folder for `costs.md`, `costs.svg` and the counts as `costs.json`.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -260,27 +270,105 @@ fn software_work(pass: &PassWork) -> f64 {
     }
 }
 
-/// Draws the poses on a device. Returns work and seconds of each pass.
-fn measured(gpu: &Gpu, scene: &Scene, row: &Row, poses: &[Pose], name: &str) -> Vec<(&'static str, f64, f64)> {
+/// The passes that a device times together, and their name.
+const TIMED: [(&str, &[Pass]); 7] = [
+    ("cull", &[Pass::Cull]),
+    ("project", &[Pass::Project]),
+    ("sort by depth", &[Pass::Sort]),
+    ("tile lists", &[Pass::TileLists]),
+    ("sort by tile", &[Pass::PairSort]),
+    ("blend", &[Pass::Blend]),
+    ("compose", &[Pass::Compose]),
+];
+
+/// Pictures of each pose. With fewer, the clock of a card lags behind.
+const PICTURES: usize = 8;
+
+/// Time of drawing before the first measurement.
+const WARM_UP: Duration = Duration::from_secs(1);
+
+/// The measured seconds of a pose.
+#[derive(Debug, Clone, Copy)]
+struct Measured {
+    /// Those of [`TIMED`].
+    passes: [f64; TIMED.len()],
+    /// From the begin of the first pass to the end of the last one.
+    device: f64,
+    /// From the call to the finished picture: recording, device and one wait.
+    wall: f64,
+}
+
+/// Draws the poses on a device; the fastest of [`PICTURES`] counts. Nothing from a device without timestamps.
+fn measured(gpu: &Gpu, scene: &Scene, poses: &[Pose], settings: Settings, options: Options) -> Vec<Measured> {
     let look = Appearance::of(scene);
-    let mut renderer = Renderer::new(gpu, scene).unwrap();
-    let settings = Settings { rasterizer: rasterizer(name), ..Settings::default() };
-    let mut pairs = Vec::new();
-    for (pose, work) in poses.iter().zip(&row.works) {
+    let mut renderer = Renderer::with_options(gpu, scene, options).unwrap();
+    let mut drawn = Vec::new();
+    // A card at rest has a fraction of its clock.
+    let begun = Instant::now();
+    while let Some(pose) = poses.first().filter(|_| begun.elapsed() < WARM_UP) {
         renderer.draw_complete(&pose.eyes, &look, settings).unwrap();
-        let least = (0..2).filter_map(|_| renderer.draw_complete(&pose.eyes, &look, settings).unwrap().seconds);
-        let Some(seconds) = least.min_by(|a, b| a.total().total_cmp(&b.total())) else { return pairs };
-        let PassSeconds { list, project, sort, bin, blend, compose } = seconds;
-        let of =
-            |passes: &[Pass]| work.passes.iter().filter(|w| passes.contains(&w.pass)).map(software_work).sum::<f64>();
-        pairs.push(("cull", of(&[Pass::Cull]), list));
-        pairs.push(("project", of(&[Pass::Project]), project));
-        pairs.push(("sort by depth", of(&[Pass::Sort]), sort));
-        pairs.push(("tile lists", of(&[Pass::TileLists, Pass::PairSort]), bin));
-        pairs.push(("blend", of(&[Pass::Blend]), blend));
-        pairs.push(("compose", of(&[Pass::Compose]), compose));
     }
-    pairs
+    for pose in poses {
+        renderer.draw_complete(&pose.eyes, &look, settings).unwrap();
+        let pictures = (0..PICTURES).filter_map(|_| {
+            let begun = Instant::now();
+            renderer.draw(&pose.eyes, &look, settings).unwrap();
+            let (stats, _) = renderer.finish().unwrap();
+            let wall = begun.elapsed().as_secs_f64();
+            let PassSeconds { list, project, sort, bin, pair_sort, blend, compose } = stats.seconds?;
+            Some(Measured {
+                passes: [list, project, sort, bin, pair_sort, blend, compose],
+                device: stats.device_seconds?,
+                wall,
+            })
+        });
+        let Some(fastest) = pictures.min_by(|a, b| a.device.total_cmp(&b.device)) else { return drawn };
+        drawn.push(fastest);
+    }
+    drawn
+}
+
+/// Lines of a row's measured milliseconds: the whole frame as in [`HEADING`], and each pass of each part beside its prediction.
+fn compared(row: &Row, measured: &[Measured], device: &str, card: &Card) -> [Vec<String>; 2] {
+    let at = |place: Option<usize>| {
+        row.places.iter().zip(measured).filter(move |(at, _)| place.is_none_or(|p| p == **at)).map(|(_, m)| m)
+    };
+    let cells = |of: &dyn Fn(&Measured) -> f64| -> String {
+        let places = (0..PLACES.len()).map(Some).chain([None]);
+        let cells = places.map(|place| {
+            let mut ms: Vec<f64> = at(place).map(|m| 1e3 * of(m)).collect();
+            format!("{:.2} / {:.2}", quantile(&mut ms, 0.5), quantile(&mut ms, 0.95))
+        });
+        cells.collect::<Vec<_>>().join(" | ")
+    };
+    let whole = [
+        format!("| {}, {} | {} | {device}, device | {} |", row.scene, row.gaussians, row.name, cells(&|m| m.device)),
+        format!("| {}, {} | {} | {device}, wall | {} |", row.scene, row.gaussians, row.name, cells(&|m| m.wall)),
+    ];
+    let mut passes = Vec::new();
+    for (place, (name, _)) in PLACES.iter().enumerate() {
+        for (k, (pass, of)) in TIMED.iter().enumerate() {
+            let works = row.places.iter().zip(&row.works).filter(|(at, _)| **at == place).map(|(_, work)| work);
+            let predict = |work: &FrameWork| {
+                let seconds = work.seconds(card);
+                let chosen = work.passes.iter().zip(&seconds).filter(|(w, _)| of.contains(&w.pass));
+                1e3 * chosen.map(|(_, s)| s).sum::<f64>()
+            };
+            let predicted = quantile(&mut works.map(predict).collect::<Vec<_>>(), 0.5);
+            if predicted <= 0.0 {
+                continue;
+            }
+            let ms = quantile(&mut at(Some(place)).map(|m| 1e3 * m.passes[k]).collect::<Vec<_>>(), 0.5);
+            passes.push(format!(
+                "| {}, {} | {} | {name} | {pass} | {predicted:.3} | {ms:.3} | {:.2} |",
+                row.scene,
+                row.gaussians,
+                row.name,
+                ms / predicted
+            ));
+        }
+    }
+    [whole.to_vec(), passes]
 }
 
 /// Decibels of some pixels of the footprint: A > 1/1024 in either picture.
@@ -351,7 +439,15 @@ fn main() {
     let gpu = arguments.measure.then(|| Gpu::open(DeviceClass::Any).unwrap());
     let mut rows: Vec<Row> = Vec::new();
     let mut errors = Vec::new();
+    let Some(card) = Card::ALL.iter().find(|card| card.name == arguments.card) else {
+        panic!("`{}` is none of {}", arguments.card, Card::ALL.map(|card| card.name).join(", "))
+    };
     let mut pairs: Vec<(&str, String, f64, f64)> = Vec::new();
+    let mut whole_frames = vec![HEADING.to_owned()];
+    let mut timed_passes = vec![format!(
+        "| scene | blending | place | pass | predicted, {}, ms | measured, ms | measured / predicted |\n| --- | --- | --- | --- | --- | --- | --- |",
+        card.name
+    )];
     for path in &arguments.scenes {
         let scene = load(path, &LoadOptions::default()).unwrap().scene;
         let named = |path: &Path| Some(path.file_name()?.to_string_lossy().into_owned());
@@ -362,8 +458,11 @@ fn main() {
         let foveated = tiles.flat_map(|method| arguments.foveations.iter().map(move |f| (method, Some(*f))));
         for (method, degrees) in whole.chain(foveated) {
             let foveation = degrees.and_then(Foveation::beyond);
-            let settings = Settings { rasterizer: rasterizer(method), depths: true, foveation, ..Settings::default() };
-            let renderer = Options { half_pictures: true, ..Options::default() };
+            let in_motion = arguments.in_motion;
+            let settings =
+                Settings { rasterizer: rasterizer(method), depths: true, foveation, in_motion, ..Settings::default() };
+            let staged_blending = Some(!arguments.unstaged);
+            let renderer = Options { half_pictures: true, staged_blending, ..Options::default() };
             let sample = arguments.sample;
             let options = WorkOptions { settings, renderer, presented: true, sample, ..WorkOptions::default() };
             let look = Appearance::of(&scene);
@@ -375,9 +474,18 @@ fn main() {
             for card in &Card::ALL {
                 println!("{}", row.line(card));
             }
-            if let Some(gpu) = gpu.as_ref().filter(|_| degrees.is_none()) {
-                let measured = measured(gpu, &scene, &row, &poses, method);
-                pairs.extend(measured.into_iter().map(|(pass, work, s)| (pass, method.clone(), work, s)));
+            let drawn = gpu.as_ref().map(|gpu| (gpu, measured(gpu, &scene, &poses, settings, renderer)));
+            if let Some((gpu, drawn)) = drawn.filter(|(_, drawn)| drawn.len() == poses.len()) {
+                let [whole, passes] = compared(&row, &drawn, gpu.name(), card);
+                println!("{}", whole.join("\n"));
+                whole_frames.extend(whole);
+                timed_passes.extend(passes);
+                for (work, drawn) in row.works.iter().zip(&drawn) {
+                    for ((pass, of), seconds) in TIMED.iter().zip(drawn.passes) {
+                        let work = work.passes.iter().filter(|w| of.contains(&w.pass)).map(software_work).sum();
+                        pairs.push((pass, row.name.clone(), work, seconds));
+                    }
+                }
             }
             rows.push(row);
         }
@@ -410,6 +518,10 @@ fn main() {
         table.push(format!("\n{}, {}: {least} to {most} barriers a frame", row.scene, row.name));
     }
     if !pairs.is_empty() {
+        table.push(String::new());
+        table.append(&mut whole_frames);
+        table.push(String::new());
+        table.append(&mut timed_passes);
         table.push(
             "\n| blending | pass | pictures | correlation of work and seconds |\n| --- | --- | --- | --- |".to_owned(),
         );

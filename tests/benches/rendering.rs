@@ -403,14 +403,16 @@ fn main() {
 fn heading(gpu: Option<&Gpu>) -> String {
     let device = gpu.map_or_else(|| "no device".to_owned(), |gpu| gpu.name().to_owned());
     format!(
-        "{device}; {} threads\n\n| scene | size | renderer | ms: least / median / p99 | list + project + sort + bin + blend + compose, ms | dB frame / footprint | coverage error % | max error |\n| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "{device}; {} threads\n\n| scene | size | renderer | ms: least / median / p99 | list + project + sort + bin + pair sort + blend + compose, ms | dB frame / footprint | coverage error % | max error |\n| --- | --- | --- | --- | --- | --- | --- | --- |",
         rayon::current_num_threads()
     )
 }
 
 fn line(row: &Row) -> String {
     let passes = row.passes.map_or_else(String::new, |p| {
-        [p.list, p.project, p.sort, p.bin, p.blend, p.compose].map(|s| format!("{:.1}", 1e3 * s)).join(" + ")
+        [p.list, p.project, p.sort, p.bin, p.pair_sort, p.blend, p.compose]
+            .map(|s| format!("{:.1}", 1e3 * s))
+            .join(" + ")
     });
     let error = row.error.map_or_else(
         || "| | ".to_owned(),

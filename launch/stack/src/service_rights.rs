@@ -43,7 +43,7 @@ const DEVICES: [&str; 6] = ["/dev/full", "/dev/null", "/dev/random", "/dev/tty",
 /// Memory that processes share.
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Devices of graphics cards, by the begin of their names in `/dev`.
-const GRAPHICS_DEVICES: [&str; 6] = ["dri", "kfd", "nvidia", "udmabuf", "dma_heap", "mali"];
+const GRAPHICS_DEVICES: [&str; 7] = ["dri", "dxg", "kfd", "nvidia", "udmabuf", "dma_heap", "mali"];
 /// Environment variables with lists of folders whose programs or libraries are used.
 const SEARCHED: [&str; 4] = ["LD_LIBRARY_PATH", "PATH", "PYTHONPATH", "VIRTUAL_ENV"];
 /// Environment variable with the interpreter of services in Python.

@@ -221,7 +221,7 @@ impl DeviceRenderer {
     }
 
     fn report(&self, stats: &FrameStats, began: Instant) -> Report {
-        let PassSeconds { list, project, sort, bin, blend, compose } = stats.seconds.unwrap_or_default();
+        let PassSeconds { list, project, sort, bin, pair_sort, blend, compose } = stats.seconds.unwrap_or_default();
         let gaussians = self.renderer.gaussians();
         let dropped_non_finite = self.renderer.dropped_non_finite();
         Report {
@@ -233,7 +233,7 @@ impl DeviceRenderer {
             seconds: StageSeconds {
                 preprocess: list + project,
                 sort,
-                bin,
+                bin: bin + pair_sort,
                 raster: blend + compose,
                 total: began.elapsed().as_secs_f64(),
             },

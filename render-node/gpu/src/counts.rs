@@ -252,6 +252,8 @@ struct Frame {
     presented: bool,
     /// Whether one draw blends the quadrilaterals of both eyes.
     multiview: bool,
+    /// Whether tiles are blended from workgroup memory.
+    staged: bool,
     target: TargetFormat,
     /// That of [`Options::half_pictures`].
     picture: TargetFormat,
@@ -296,6 +298,7 @@ impl Frame {
             depths,
             presented: options.presented,
             multiview: cameras.len() > 1 && options.renderer.multiview.unwrap_or(true),
+            staged: options.renderer.staged_blending.unwrap_or(true),
             target: options.target,
             picture: if options.renderer.half_pictures { TargetFormat::Float16 } else { TargetFormat::Float32 },
             parts: 1,

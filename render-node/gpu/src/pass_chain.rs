@@ -119,11 +119,16 @@ enum BlendPasses<'a> {
 }
 
 impl Passes {
-    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, multiview: bool, pictures: PicturePrecision) -> Self {
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        [multiview, staged]: [bool; 2],
+        pictures: PicturePrecision,
+    ) -> Self {
         let multiview = multiview && gpu.has(wgpu::Features::MULTIVIEW);
         Self {
             splats: SplatPasses::new(gpu, scene),
-            tiles: TilePasses::new(gpu, pictures),
+            tiles: TilePasses::new(gpu, pictures, staged),
             quads: gpu.has(wgpu::Features::FLOAT32_BLENDABLE).then(|| QuadPasses::new(gpu, multiview)),
             compose: ComposePass::new(gpu, pictures.format()),
             quad_depths: None,

@@ -12,12 +12,13 @@ use crate::textures::PicturePrecision;
 /// trained scenes, and lists are longer.
 pub(super) const RAY_TILE: u32 = 8;
 
-/// Compute passes that replace three passes of the affine mode, and two more.
+/// Compute passes that replace four passes of the affine mode, and two more.
 pub(super) struct RayPasses {
     shader: Shader,
     depths: bool,
     pub(super) touch: Kernel,
     pub(super) list: Kernel,
+    pub(super) list_large: Kernel,
     pub(super) measure: Kernel,
     pub(super) order: Kernel,
     pub(super) blend: Kernel,
@@ -34,6 +35,7 @@ impl RayPasses {
         Self {
             touch: kernel("touch"),
             list: kernel("list_pairs"),
+            list_large: kernel("list_large"),
             measure: kernel("measure_rays"),
             order: kernel("order_rays"),
             blend: blend_kernel(gpu, &shader, depths, false),

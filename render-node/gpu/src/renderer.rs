@@ -90,7 +90,9 @@ impl Renderer {
         gpu.check()?;
         let appearance = AppearanceBuffers::new(gpu, scene.len, &scene.units);
         let precision = PicturePrecision::of(options.half_pictures);
-        let passes = Passes::new(gpu, &scene, options.multiview.unwrap_or(!gpu.is_software()), precision);
+        let by_default = !gpu.is_software();
+        let of_cards = [options.multiview, options.staged_blending].map(|chosen| chosen.unwrap_or(by_default));
+        let passes = Passes::new(gpu, &scene, of_cards, precision);
         let work = WorkBuffers::new(gpu, &scene, 1, false);
         let renderer = Self {
             appearance,

@@ -290,11 +290,16 @@ impl Columns {
     }
 }
 
+/// Largest standard deviation of a stored Gaussian. Beyond 2¹²⁶ Vulkan leaves open how far a quotient is off, and graphics cards give
+/// zero. No picture tells larger ones from this.
+const LARGEST_SCALE: f32 = 1e36;
+
 /// Gaussian `i` of a unit; `None` if an attribute is NaN or infinite.
 fn stored(unit: &BaseUnit, i: usize, origin: DVec3, index: u32) -> Option<(Center, Shape, Surface)> {
     let g = &unit.gaussians;
     let position = g.position.get(i)?;
     let scale = g.log_scale.get(i)?.as_dvec3().exp().as_vec3();
+    let scale = if scale.is_finite() { scale.min(Vec3::splat(LARGEST_SCALE)) } else { scale };
     let rotation = g.rotation.get(i)?;
     let logit = g.opacity_logit.get(i)?;
     let center = (unit.transform.transform_point3(position.as_dvec3()) - origin).as_vec3();

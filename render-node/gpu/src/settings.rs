@@ -73,11 +73,14 @@ pub struct Options {
     /// Whether one multiview pass blends the quadrilaterals of two parallel eyes, if the device supports it. By default
     /// graphics cards do and software devices do not: lavapipe of Mesa 22.3 draws the right eye wrongly.
     pub multiview: Option<bool>,
+    /// Whether the lanes of a tile copy its splats to workgroup memory before they blend them, in the affine projection. The picture is
+    /// the same to the last bit. By default graphics cards do and software devices do not: barriers cost them more.
+    pub staged_blending: Option<bool>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { half: false, half_pictures: false, listed_pairs: 1 << 23, multiview: None }
+        Self { half: false, half_pictures: false, listed_pairs: 1 << 23, multiview: None, staged_blending: None }
     }
 }
 

@@ -31,6 +31,12 @@ shared_constants! {
     SORT_BITS: u32 = 4;
     /// Number of pairs of a Gaussian and a tile that one workgroup goes through.
     PAIR_BLOCK: u32 = 1024;
+    /// Numbers that one workgroup sums at a time.
+    SCAN_BLOCK: u32 = 4096;
+    /// Tiles beyond which a workgroup lists a splat's pairs, not one lane.
+    LARGE_TILES: u32 = 256;
+    /// Most splats of which a workgroup lists the pairs, as many as one dispatch has. One lane each lists those beyond.
+    LARGE_ITEMS: u32 = 65_535;
     /// Splats of one tile that one dispatch blends. A software device silently leaves a loop after 65,535 iterations.
     STRETCH: u32 = 32_768;
     /// Number of bands of quadrilaterals, near to far. Each band except the first is as long as all bands before it.
@@ -336,6 +342,8 @@ shared_structs! {
         sort: DispatchArguments,
         /// Passes over all pairs.
         pairs: DispatchArguments,
+        /// Pass over the large splats.
+        large: DispatchArguments,
     }
 
     /// Outline of a projected Gaussian: a disc of (u, v), u = per_column·(x − slope·y) and v = per_row·y, x and y in pixels from

@@ -17,6 +17,7 @@ pub(super) enum Stage {
     Project,
     Sort,
     Bin,
+    PairSort,
     Blend,
     Compose,
 }
@@ -30,8 +31,10 @@ pub struct PassSeconds {
     pub project: f64,
     /// Sort by depth.
     pub sort: f64,
-    /// Lists of the tiles.
+    /// Pairs of a splat and a tile, and each tile's list.
     pub bin: f64,
+    /// Sort of the pairs by tile.
+    pub pair_sort: f64,
     /// Blending.
     pub blend: f64,
     /// Compose over the background.
@@ -42,7 +45,7 @@ impl PassSeconds {
     /// Sum of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.list + self.project + self.sort + self.bin + self.blend + self.compose
+        self.list + self.project + self.sort + self.bin + self.pair_sort + self.blend + self.compose
     }
 
     /// Share of the stages whose work grows with the number of pixels: lists of the tiles, blending, composing. `None` if
@@ -50,7 +53,7 @@ impl PassSeconds {
     #[must_use]
     pub fn pixel_share(&self) -> Option<f64> {
         let total = self.total();
-        (total > 0.0).then(|| (self.bin + self.blend + self.compose) / total)
+        (total > 0.0).then(|| (self.bin + self.pair_sort + self.blend + self.compose) / total)
     }
 
     /// Sum of two pictures.
@@ -60,6 +63,7 @@ impl PassSeconds {
             project: self.project + other.project,
             sort: self.sort + other.sort,
             bin: self.bin + other.bin,
+            pair_sort: self.pair_sort + other.pair_sort,
             blend: self.blend + other.blend,
             compose: self.compose + other.compose,
         }
@@ -71,6 +75,7 @@ impl PassSeconds {
             Stage::Project => &mut self.project,
             Stage::Sort => &mut self.sort,
             Stage::Bin => &mut self.bin,
+            Stage::PairSort => &mut self.pair_sort,
             Stage::Blend => &mut self.blend,
             Stage::Compose => &mut self.compose,
         } += seconds;

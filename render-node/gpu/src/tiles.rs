@@ -15,13 +15,17 @@ use crate::hidden_tiles::shown_before;
 use crate::pipeline::{BoundKernel, Kernel};
 use crate::radix_sort::{RadixSort, SortBindings, SortBuffers};
 use crate::ray_tiles::{RAY_TILE, RayPasses};
+use crate::recorded;
 use crate::resources::Resources;
 use crate::shader::Shader;
-use crate::shader_layout::{Dispatches, LANES, PairDispatches, STRETCH, Stretch, TileList, Window};
+use crate::shader_layout::{Dispatches, LANES, LARGE_ITEMS, PairDispatches, STRETCH, Stretch, TileList, Window};
 use crate::sort_window::SortWindow;
 use crate::stats::{Stage, StatsReadback};
 use crate::textures::PicturePrecision;
 use crate::visibility_mask::VisibilityMask;
+
+/// Bytes of the number of large items, before the items.
+const LARGE_ITEMS_HEAD: u64 = 4;
 
 /// Constants of the passes over tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,11 +58,14 @@ impl ListSizes {
 pub(super) struct TilePasses {
     affine: Shader,
     pictures: PicturePrecision,
+    /// The entry point of the affine blending.
+    blend: &'static str,
     pair_sort: RadixSort,
     touch: Kernel,
     sum_touched: Kernel,
     open_window: Kernel,
     list_pairs: Kernel,
+    list_large: Kernel,
     clear_lists: Kernel,
     find_ends: Kernel,
     longest: Kernel,
@@ -74,7 +81,8 @@ pub(super) struct TilePasses {
 }
 
 impl TilePasses {
-    pub(super) fn new(gpu: &Gpu, pictures: PicturePrecision) -> Self {
+    /// `staged` says whether the affine blending copies splats to workgroup memory.
+    pub(super) fn new(gpu: &Gpu, pictures: PicturePrecision, staged: bool) -> Self {
         let edge = format!("const TILE: u32 = {TILE};");
         let parts = [&edge, pictures.declaration(), OVER, include_str!("shaders/tiles.wgsl")];
         let affine = Shader::new(gpu, "tiles", &parts);
@@ -86,6 +94,7 @@ impl TilePasses {
             sum_touched: kernel("sum_touched"),
             open_window: kernel("open_window"),
             list_pairs: kernel("list_pairs"),
+            list_large: kernel("list_large"),
             clear_lists: kernel("clear_lists"),
             find_ends: kernel("find_ends"),
             longest: kernel("longest"),
@@ -96,6 +105,7 @@ impl TilePasses {
             spare_depths: [(); 2].map(|()| spare(DEPTH_FORMAT)),
             pictures,
             affine,
+            blend: if staged { "blend_staged" } else { "blend" },
         }
     }
 
@@ -112,19 +122,19 @@ impl TilePasses {
         // One view can be drawn to the picture of either eye.
         let firsts = if work.views == 1 { targets.pictures.len().max(1) } else { 1 };
         let stored: Vec<_> = (0..firsts).map(|first| self.stored(targets, first)).collect();
-        let Self { affine, pair_sort, blends, rays, continued, .. } = self;
+        let Self { affine, blend, pair_sort, blends, rays, continued, .. } = self;
         let rays = mode.window.map(|window| {
             &*rays.entry((window, mode.depths)).or_insert_with(|| RayPasses::new(gpu, window, mode.depths, pictures))
         });
         let flag = |on: bool| f64::from(u8::from(on));
         let affine_blend = |is_continued: bool| {
-            Kernel::new(gpu, affine, "blend", &[("DEPTHS", flag(mode.depths)), ("CONTINUED", flag(is_continued))])
+            Kernel::new(gpu, affine, blend, &[("DEPTHS", flag(mode.depths)), ("CONTINUED", flag(is_continued))])
         };
-        let (touch, list_pairs, blend) = match rays {
-            Some(rays) => (&rays.touch, &rays.list, &rays.blend),
+        let ([touch, list_pairs, list_large], blend) = match rays {
+            Some(rays) => ([&rays.touch, &rays.list, &rays.list_large], &rays.blend),
             None => {
                 let blend = blends.entry(mode.depths).or_insert_with(|| affine_blend(false));
-                (&self.touch, &self.list_pairs, &*blend)
+                ([&self.touch, &self.list_pairs, &self.list_large], &*blend)
             }
         };
         let is_continued = lists.windows > 1 || lists.stretches() > 1;
@@ -147,9 +157,12 @@ impl TilePasses {
         let tile_lists = gpu.storage("tile lists", TileList::SHADER_SIZE.get() * u64::from(tiles));
         let pixels = gpu.storage("pixels", if is_continued { Vec4::SHADER_SIZE.get() * pixels } else { 0 });
         let shown_before = gpu.storage("shown before", 4 * 2 * u64::from(down) * u64::from(across + 1));
+        let cleared = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let large_items = gpu.buffer("large items", LARGE_ITEMS_HEAD + 4 * u64::from(LARGE_ITEMS), cleared);
         let resources = resources.with([
             ("touched", &touched),
             ("touched_sums", &touched_sums),
+            ("large_items", &large_items),
             ("pair_dispatches", &dispatches),
             ("tile_lists", &tile_lists),
             ("pixels", &pixels),
@@ -199,6 +212,7 @@ impl TilePasses {
             WindowBindings {
                 open: self.open_window.bind(gpu, &listed),
                 list: list_pairs.bind(gpu, &listed),
+                list_large: list_large.bind(gpu, &listed),
                 blend: (0..lists.stretches()).map(|k| bind_blend(index, k)).collect(),
             }
         });
@@ -214,6 +228,7 @@ impl TilePasses {
             find_ends: self.find_ends.bind(gpu, &sorted),
             longest: self.longest.bind(gpu, &resources),
             dispatches,
+            large_items,
             shown_before,
             shown: None,
             grid: [across, down, views],
@@ -251,6 +266,8 @@ pub(super) struct TileBindings {
     longest: BoundKernel,
     /// [`PairDispatches`].
     dispatches: wgpu::Buffer,
+    /// The number of large items, and the items.
+    large_items: wgpu::Buffer,
     /// Tiles across and down, and views.
     grid: [u32; 3],
     /// Workgroups of the passes over all tiles.
@@ -272,6 +289,7 @@ struct RayOrder {
 struct WindowBindings {
     open: BoundKernel,
     list: BoundKernel,
+    list_large: BoundKernel,
     /// Stretches of the lists, one after another; each from the picture of either eye on, if that differs.
     blend: Vec<Vec<BoundKernel>>,
 }
@@ -329,6 +347,9 @@ impl TileBindings {
     ) {
         let of_pairs = &self.dispatches;
         let (sort, all_pairs) = (offset_of!(PairDispatches, sort), offset_of!(PairDispatches, pairs));
+        let large = offset_of!(PairDispatches, large);
+        recorded::clear(&self.large_items);
+        encoder.clear_buffer(&self.large_items, 0, Some(LARGE_ITEMS_HEAD));
         let items = offset_of!(Dispatches, tile_lists);
         for (k, window) in self.windows.iter().enumerate() {
             {
@@ -339,12 +360,16 @@ impl TileBindings {
                 }
                 window.open.run(&mut pass, [1, 1, 1]);
                 window.list.run_indirect(&mut pass, dispatches, items);
+                window.list_large.run_indirect(&mut pass, of_pairs, large);
                 if let Some(by_ray) = &self.by_ray {
                     by_ray.measure.run_indirect(&mut pass, of_pairs, all_pairs);
                     by_ray.sort.run(&mut pass, of_pairs, sort);
                     by_ray.order.run_indirect(&mut pass, of_pairs, all_pairs);
                 }
-                self.sort.run(&mut pass, of_pairs, sort);
+            }
+            self.sort.run(&mut stats.compute_pass(encoder, Stage::PairSort), of_pairs, sort);
+            {
+                let mut pass = stats.compute_pass(encoder, Stage::Bin);
                 self.clear_lists.run(&mut pass, [self.clear_groups, 1, 1]);
                 self.find_ends.run_indirect(&mut pass, of_pairs, all_pairs);
                 self.longest.run(&mut pass, [self.clear_groups, 1, 1]);

@@ -15,8 +15,8 @@ pub fn init_service(role: &str) {
         .flatten_event(true)
         .with_current_span(true)
         .with_span_list(false)
-        // zenoh warns about the missing name of every client socket.
-        .with_env_filter(filter("info,zenoh=warn,zenoh_link_unixsock_stream=error"))
+        // zenoh warns about the missing name of every client socket. wgpu lists what a card can do.
+        .with_env_filter(filter("info,wgpu_core=warn,wgpu_hal=warn,zenoh=warn,zenoh_link_unixsock_stream=error"))
         // Such an error means that standard error is closed, so reporting it there would panic.
         .log_internal_errors(false)
         .with_writer(|| PrintableWriter(io::stderr()));

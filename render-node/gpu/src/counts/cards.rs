@@ -39,11 +39,12 @@ pub struct Card {
 }
 
 impl Card {
-    /// The card of the paper, a faster and a middling one.
-    pub const ALL: [Self; 3] = [
+    /// The card of the paper, a faster and a middling one, and the card of a data centre that measurements were made on.
+    pub const ALL: [Self; 4] = [
         Self { name: "rtx-3090", raster_units: 112.0, lanes: 10_496.0, clock: 1.695e9, bandwidth: 936e9 },
         Self { name: "rtx-4090", raster_units: 176.0, lanes: 16_384.0, clock: 2.52e9, bandwidth: 1008e9 },
         Self { name: "rtx-3060", raster_units: 48.0, lanes: 3_584.0, clock: 1.777e9, bandwidth: 360e9 },
+        Self { name: "h100", raster_units: 24.0, lanes: 16_896.0, clock: 1.98e9, bandwidth: 3350e9 },
     ];
 
     /// Pixels of four numbers that are blended a second.

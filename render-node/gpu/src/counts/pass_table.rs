@@ -280,6 +280,12 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
     let stretches = counts.longest_list.div_ceil(crate::shader_layout::STRETCH.into()).max(1);
     let windows = frame.windows(counts);
     let splat = Ellipse::SHADER_SIZE.get() + Level::SHADER_SIZE.get();
+    table.pass = Pass::TileLists;
+    table.add(
+        "clear",
+        Kind::Clear,
+        vec![Resource { access: Access::CopyTarget, ..Resource::write("", 0, WORD).of("large_items", 0) }],
+    );
     for window in 0..windows {
         let pairs = counts.tile_pairs * (window + 1) / windows - counts.tile_pairs * window / windows;
         table.begin(Pass::TileLists);
@@ -296,13 +302,19 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
                     Resource::write("touched_sums", 0, blocks),
                     Resource::read("levels", Level::SHADER_SIZE.get() * items),
                     Resource::read("shown_before", 0),
+                    Resource::write("large_items", 0, 0),
                 ],
             );
             table.dispatch("sum_touched", vec![totals, Resource::write("touched_sums", blocks, blocks)]);
         }
         table.dispatch(
             "open_window",
-            vec![totals, Resource::write("pair_dispatches", 0, 0), Resource::write("longest_list", 0, 0)],
+            vec![
+                totals,
+                Resource::write("pair_dispatches", 0, 0),
+                Resource::write("longest_list", 0, 0),
+                Resource::write("large_items", 0, 0),
+            ],
         );
         table.indirect(
             "list_pairs",
@@ -319,9 +331,25 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
                 Resource::read("shown_before", 0),
             ],
         );
-        table.pass = Pass::PairSort;
+        // The pairs of large splats are among those of `list_pairs`.
+        table.indirect(
+            "list_large",
+            "pair_dispatches",
+            vec![
+                Resource::read("ellipses", 0),
+                depth_order(0),
+                Resource::write("touched", 0, 0),
+                Resource::write("touched_sums", 0, 0),
+                Resource::write("pair_tiles", 0, 0).of("pair tiles", 0),
+                Resource::write("pair_splats", 0, 0).of("pair splats", 0),
+                Resource::read("levels", 0),
+                Resource::read("shown_before", 0),
+                Resource::write("large_items", 0, 0),
+            ],
+        );
+        table.begin(Pass::PairSort);
         sort(table, ["pair tiles", "pair splats", "pair digits"], "pair_dispatches", (pairs, bits));
-        table.pass = Pass::TileLists;
+        table.begin(Pass::TileLists);
         table.dispatch("clear_lists", vec![Resource::write("tile_lists", 0, lists)]);
         table.indirect(
             "find_ends",
@@ -342,7 +370,7 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
             let fronts = if frame.depths { WORD * counts.pixels } else { 0 };
             let read = kept(counts.visited);
             table.dispatch(
-                "blend",
+                if frame.staged { "blend_staged" } else { "blend" },
                 vec![
                     Resource::read("ellipses", Ellipse::SHADER_SIZE.get() * read),
                     Resource::write("pair_splats", WORD * read, 0).of("pair splats", sorted),

@@ -45,7 +45,7 @@ fn eyes(camera: &Camera) -> [Camera; 2] {
 fn options(rasterizer: Rasterizer, depths: bool) -> WorkOptions {
     WorkOptions {
         settings: Settings { rasterizer, depths, ..Settings::default() },
-        renderer: Options { multiview: Some(false), ..Options::default() },
+        renderer: Options { multiview: Some(false), staged_blending: Some(false), ..Options::default() },
         ..WorkOptions::default()
     }
 }
@@ -162,7 +162,8 @@ fn lists_in_windows_are_described_too() {
     let Some(gpu) = test_device() else { return };
     let scene = scene();
     let look = Appearance::of(&scene);
-    let short = Options { listed_pairs: 4096, multiview: Some(false), ..Options::default() };
+    let short =
+        Options { listed_pairs: 4096, multiview: Some(false), staged_blending: Some(true), ..Options::default() };
     let mut renderer = Renderer::with_options(&gpu, &scene, short).unwrap();
     let [outside, _] = poses(&scene).map(|camera| [camera]);
     let options = WorkOptions { renderer: short, ..options(Rasterizer::Tiles, false) };
@@ -271,13 +272,15 @@ fn resources(command: &RecordedCommand) -> Resources<'_> {
 fn pixels_of_tiles(gpu: &Gpu, blend: &RecordedCommand, views: usize) -> Vec<[f32; 4]> {
     let text = include_str!("../shaders/tiles.wgsl");
     let changes = [
-        ("var transmittance = 1.0;", "var transmittance = 1.0;\n    var steps = 0.0;"),
+        ("    let list = tile_lists[tile];", "    var steps = 0.0;\n    let list = tile_lists[tile];"),
         ("let splat = pair_splats[k];", "let splat = pair_splats[k];\n        steps += 1.0;"),
         (
-            "store_block(group.z, at, edge, color, transmittance, front);",
-            "pixels[pixel] = vec4(steps, color.xy, transmittance);",
+            "store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);",
+            "pixels[(group.z * frame.size.y + at.y) * frame.size.x + at.x] = vec4(steps, blended.color.xy, blended.transmittance);",
         ),
     ];
+    // The twin with copies in workgroup memory follows.
+    let text = &text[..text.find("const STAGED").unwrap()];
     let text = changes.iter().fold(text.to_owned(), |text, (from, to)| {
         assert_eq!(text.matches(from).count(), 1, "`{from}` in tiles.wgsl");
         text.replace(from, to)

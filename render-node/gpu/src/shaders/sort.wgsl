@@ -47,62 +47,129 @@ fn count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
 @compute @workgroup_size(LANES)
 fn scan(@builtin(local_invocation_index) lane: u32) {
     let n = DIGITS * blocks();
-    let each = (n + LANES - 1u) / LANES;
-    let first = lane * each;
-    let last = min(first + each, n);
-    var sum = 0u;
-    for (var k = first; k < last; k++) {
-        sum += digit_counts[k];
-    }
-    var running = sum_up_to(lane, sum) - sum;
-    for (var k = first; k < last; k++) {
-        let count = digit_counts[k];
-        digit_counts[k] = running;
-        running += count;
+    var before = 0u;
+    for (var begin = 0u; begin < n; begin += SCAN_BLOCK) {
+        for (var k = lane; k < SCAN_BLOCK; k += LANES) {
+            scan_block[k] = 0u;
+            if begin + k < n {
+                scan_block[k] = digit_counts[begin + k];
+            }
+        }
+        before = sum_block_up_to(lane, before);
+        for (var k = lane; k < min(SCAN_BLOCK, n - begin); k += LANES) {
+            digit_counts[begin + k] = scan_block[k];
+        }
+        workgroupBarrier();
     }
 }
 
-var<workgroup> sums: array<u32, LANES>;
+// Counters of the digits d and d + HALF share a word: no lane counts beyond 2^16. By d, then by lane.
+const HALF: u32 = DIGITS / 2u;
+var<workgroup> places: array<u32, HALF * LANES>;
 
-// By digit, then by lane.
-var<workgroup> places: array<u32, SORT_BLOCK>;
+// Where the keys of a digit go, less their place in the block.
+var<workgroup> digit_shifts: array<u32, DIGITS>;
 
+// Keys or values of the block. A gap after each lane's own keeps lanes in step out of each other's bank.
+var<workgroup> exchange: array<u32, SORT_BLOCK + LANES>;
+
+fn gapped(i: u32) -> u32 {
+    return i + i / EACH;
+}
+
+fn word_of(digit: u32, lane: u32) -> u32 {
+    return (digit % HALF) * LANES + lane;
+}
+
+fn half_of(digit: u32) -> u32 {
+    return 16u * (digit / HALF);
+}
+
+// The lanes read neighbouring keys together and exchange them, so that each has neighbours of its own: that is what keeps the sort
+// stable. They put them in the order of their digits in workgroup memory, and write neighbours together again.
 @compute @workgroup_size(LANES)
 fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    for (var d = 0u; d < DIGITS; d++) {
+    let begin = group.x * SORT_BLOCK;
+    let n = min(SORT_BLOCK, key_count() - begin);
+    for (var k = 0u; k < EACH; k++) {
+        let i = k * LANES + lane;
+        if i < n {
+            exchange[gapped(i)] = keys[begin + i];
+        }
+    }
+    for (var d = 0u; d < HALF; d++) {
         places[d * LANES + lane] = 0u;
     }
-    // Each lane takes neighbouring keys, in order: that is what keeps the sort stable.
-    let first = group.x * SORT_BLOCK + lane * EACH;
-    let last = min(first + EACH, key_count());
-    for (var i = first; i < last; i++) {
-        places[digit(keys[i]) * LANES + lane] += 1u;
+    workgroupBarrier();
+    var own: array<u32, EACH>;
+    for (var k = 0u; k < EACH; k++) {
+        let i = lane * EACH + k;
+        if i < n {
+            own[k] = exchange[gapped(i)];
+            let d = digit(own[k]);
+            places[word_of(d, lane)] += 1u << half_of(d);
+        }
     }
     workgroupBarrier();
-    // Lane l sums EACH neighbouring places, which are all of digit l / EACH.
+    // Each lane sums HALF neighbouring words. The upper halves follow all lower ones.
     var sum = 0u;
-    for (var k = 0u; k < EACH; k++) {
-        let place = lane * EACH + k;
-        let count = places[place];
-        places[place] = sum;
+    for (var k = 0u; k < HALF; k++) {
+        let count = places[lane * HALF + k];
+        places[lane * HALF + k] = sum;
         sum += count;
     }
-    sums[lane] = sum;
-    workgroupBarrier();
-    var start = digit_counts[(lane / EACH) * blocks() + group.x];
-    for (var k = lane & ~(EACH - 1u); k < lane; k++) {
-        start += sums[k];
+    let before = sum_up_to(lane, sum) - sum;
+    let start = before + (scanned[LANES - 1u] << 16u);
+    for (var k = 0u; k < HALF; k++) {
+        places[lane * HALF + k] += start;
     }
+    workgroupBarrier();
+    if lane < DIGITS {
+        let first = (places[word_of(lane, 0u)] >> half_of(lane)) & 0xffffu;
+        digit_shifts[lane] = digit_counts[lane * blocks() + group.x] - first;
+    }
+    workgroupBarrier();
+    var place: array<u32, EACH>;
     for (var k = 0u; k < EACH; k++) {
-        places[lane * EACH + k] += start;
+        if lane * EACH + k < n {
+            let d = digit(own[k]);
+            place[k] = gapped((places[word_of(d, lane)] >> half_of(d)) & 0xffffu);
+            places[word_of(d, lane)] += 1u << half_of(d);
+            exchange[place[k]] = own[k];
+        }
     }
     workgroupBarrier();
-    for (var i = first; i < last; i++) {
-        let key = keys[i];
-        let place = digit(key) * LANES + lane;
-        let to = places[place];
-        places[place] = to + 1u;
-        sorted_keys[to] = key;
-        sorted_values[to] = values[i];
+    var to: array<u32, EACH>;
+    for (var k = 0u; k < EACH; k++) {
+        let i = k * LANES + lane;
+        if i < n {
+            let key = exchange[gapped(i)];
+            to[k] = digit_shifts[digit(key)] + i;
+            sorted_keys[to[k]] = key;
+        }
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < EACH; k++) {
+        let i = k * LANES + lane;
+        if i < n {
+            exchange[gapped(i)] = values[begin + i];
+        }
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < EACH; k++) {
+        own[k] = exchange[gapped(lane * EACH + k)];
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < EACH; k++) {
+        if lane * EACH + k < n {
+            exchange[place[k]] = own[k];
+        }
+    }
+    workgroupBarrier();
+    for (var k = 0u; k < EACH; k++) {
+        let i = k * LANES + lane;
+        if i < n {
+            sorted_values[to[k]] = exchange[gapped(i)];
+        }
     }
 }

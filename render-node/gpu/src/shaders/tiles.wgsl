@@ -36,6 +36,13 @@
 // Number of tiles outside the visibility mask before each column, for each row of tiles of both eyes.
 @group(0) @binding(27) var<storage, read> shown_before: array<u32>;
 
+// Items that touch so many tiles that a workgroup lists them together.
+struct LargeItems {
+    count: atomic<u32>,
+    items: array<u32, LARGE_ITEMS>,
+}
+@group(0) @binding(28) var<storage, read_write> large_items: LargeItems;
+
 override DEPTHS: bool = false;
 // Whether a later dispatch continues with the pixels.
 override CONTINUED: bool = false;
@@ -135,6 +142,9 @@ fn tiles_before(view: u32, row: u32, column: u32) -> u32 {
     return shown_before[((frame.first_eye + view) * frame.tiles.y + row) * (frame.tiles.x + 1u) + column];
 }
 
+// Set beside the number of tiles of an item that is among the large ones.
+const IS_LARGE: u32 = 0x80000000u;
+
 // Where the splat of an item lies in the list of splats; an item is a place in the depth order and a view.
 fn splat_of(item: u32) -> u32 {
     return (item % frame.view_count) * frame.capacity + depth_order[item / frame.view_count];
@@ -159,6 +169,13 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
                 }
             }
             touched[item] = tiles;
+            if tiles > LARGE_TILES {
+                let at = atomicAdd(&large_items.count, 1u);
+                if at < LARGE_ITEMS {
+                    large_items.items[at] = item;
+                    touched[item] = tiles | IS_LARGE;
+                }
+            }
         }
         let through = sum_up_to(lane, tiles);
         if lane == LANES - 1u {
@@ -171,21 +188,22 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
 @compute @workgroup_size(LANES)
 fn sum_touched(@builtin(local_invocation_index) lane: u32) {
     let n = (totals.listed * frame.view_count + LANES - 1u) / LANES;
-    let each = (n + LANES - 1u) / LANES;
-    let first = lane * each;
-    let last = min(first + each, n);
-    var sum = 0u;
-    for (var k = first; k < last; k++) {
-        sum += touched_sums[k];
+    var before = 0u;
+    for (var begin = 0u; begin < n; begin += SCAN_BLOCK) {
+        for (var k = lane; k < SCAN_BLOCK; k += LANES) {
+            scan_block[k] = 0u;
+            if begin + k < n {
+                scan_block[k] = touched_sums[begin + k];
+            }
+        }
+        before = sum_block_up_to(lane, before);
+        for (var k = lane; k < min(SCAN_BLOCK, n - begin); k += LANES) {
+            touched_sums[begin + k] = scan_block[k];
+        }
+        workgroupBarrier();
     }
-    var running = sum_up_to(lane, sum) - sum;
-    for (var k = first; k < last; k++) {
-        let count = touched_sums[k];
-        touched_sums[k] = running;
-        running += count;
-    }
-    if lane == LANES - 1u {
-        totals.pairs = scanned[LANES - 1u];
+    if lane == 0u {
+        totals.pairs = before;
     }
 }
 
@@ -200,6 +218,7 @@ fn open_window() {
     totals.window_pairs = count;
     pair_dispatches.sort = DispatchArguments((count + SORT_BLOCK - 1u) / SORT_BLOCK, 1u, 1u);
     pair_dispatches.pairs = DispatchArguments((count + PAIR_BLOCK - 1u) / PAIR_BLOCK, 1u, 1u);
+    pair_dispatches.large = DispatchArguments(min(atomicLoad(&large_items.count), LARGE_ITEMS), 1u, 1u);
 }
 
 @compute @workgroup_size(LANES)
@@ -212,11 +231,13 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     for (var block = group.x; block * LANES < items; block += groups.x) {
         let item = block * LANES + lane;
         var count = 0u;
+        var is_large = false;
         if item < items {
-            count = touched[item];
+            count = touched[item] & ~IS_LARGE;
+            is_large = (touched[item] & IS_LARGE) != 0u;
         }
         var place = touched_sums[block] + sum_up_to(lane, count) - count;
-        if count > 0u && place < end && place + count > begin {
+        if count > 0u && !is_large && place < end && place + count > begin {
             let splat = splat_of(item);
             let e = extent(splat);
             let view = item % frame.view_count;
@@ -234,6 +255,74 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
                     }
                     place++;
                 }
+            }
+        }
+        workgroupBarrier();
+    }
+}
+
+// For each row of tiles of a large item: its first cell, its first column, and the place of its first pair.
+var<workgroup> row_cells: array<u32, LANES>;
+var<workgroup> row_columns: array<u32, LANES>;
+var<workgroup> row_places: array<u32, LANES>;
+
+// The pairs of the large items, with a workgroup for each: one lane alone would take as long as all others together. A lane finds the
+// span of one row of tiles. Then all lanes share the cells of all rows.
+@compute @workgroup_size(LANES)
+fn list_large(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let item = large_items.items[group.x];
+    let begin = window.first_pair;
+    let end = begin + frame.pair_capacity;
+    let view = item % frame.view_count;
+    let base = view * frame.tiles.x * frame.tiles.y;
+    let splat = splat_of(item);
+    let e = extent(splat);
+    let block = item / LANES;
+    var count = 0u;
+    if block * LANES + lane < item {
+        count = touched[block * LANES + lane] & ~IS_LARGE;
+    }
+    sum_up_to(lane, count);
+    var place = touched_sums[block] + scanned[LANES - 1u];
+    workgroupBarrier();
+    for (var first_row = e.first_row; first_row < e.end_row; first_row += LANES) {
+        let own = first_row + lane;
+        var span = vec2(0u);
+        if own < e.end_row {
+            span = columns(e, own);
+        }
+        let cells = span.y - span.x;
+        var shown = cells;
+        if frame.hides_tiles == 1u && cells > 0u {
+            shown = tiles_before(view, own, span.y) - tiles_before(view, own, span.x);
+        }
+        row_cells[lane] = sum_up_to(lane, cells) - cells;
+        let all_cells = scanned[LANES - 1u];
+        workgroupBarrier();
+        row_places[lane] = place + sum_up_to(lane, shown) - shown;
+        place += scanned[LANES - 1u];
+        row_columns[lane] = span.x;
+        workgroupBarrier();
+        for (var cell = lane; cell < all_cells; cell += LANES) {
+            // The last row that begins at this cell or before it.
+            var at = 0u;
+            for (var step = LANES / 2u; step > 0u; step /= 2u) {
+                if row_cells[at + step] <= cell {
+                    at += step;
+                }
+            }
+            let row = first_row + at;
+            let column = row_columns[at] + cell - row_cells[at];
+            var to = row_places[at] + cell - row_cells[at];
+            var is_shown = true;
+            if frame.hides_tiles == 1u {
+                let before = tiles_before(view, row, column);
+                is_shown = before < tiles_before(view, row, column + 1u);
+                to = row_places[at] + before - tiles_before(view, row, row_columns[at]);
+            }
+            if is_shown && to >= begin && to < end {
+                pair_tiles[to - begin] = base + row * frame.tiles.x + column;
+                pair_splats[to - begin] = splat;
             }
         }
         workgroupBarrier();
@@ -303,8 +392,57 @@ fn store_block(view: u32, at: vec2<u32>, edge: u32, color: vec3<f32>, transmitta
     }
 }
 
-// Every pixel or block walks its tile's list on its own. The lanes of a tile read the same splat at the same time: a
-// graphics card serves it from the nearest cache. A software device needs no barriers of 256 lanes.
+// What a pixel or a block has collected so far.
+struct Blended {
+    color: vec3<f32>,
+    transmittance: f32,
+    front: f32,
+}
+
+// Blends a splat behind all before it, at the middle of a pixel or block.
+fn blend_splat(to: ptr<function, Blended>, e: Ellipse, l: Level, tint: Tint, center: vec2<f32>, edge: u32, view: u32) {
+    let d = center - e.center;
+    var meeting: Meeting;
+    if tint.over_per_row > 0.0 {
+        let told_at = clamp(e.center, vec2(0.0), vec2<f32>(frame.size));
+        let direction = (center - frame.views[view].principal) / frame.views[view].focal;
+        meeting = meet_ray(near_rays.entries[u32(tint.over_per_row) - 1u], center - told_at, direction, frame.near);
+    } else {
+        let v = d.y * l.per_row;
+        if edge == 1u {
+            let u = (d.x - e.slope * d.y) * e.per_column;
+            meeting = Meeting(u * u + v * v, l.depth, 1.0);
+        } else {
+            // The mean of a block's pixels widens an ellipse: see in_blocks() in foveation.rs.
+            let tall = 1.0 / (1.0 + FOVEAL_VARIANCE * l.per_row * l.per_row);
+            let slope = e.slope * tall;
+            let u = (d.x - slope * d.y) * e.per_column;
+            let wide = 1.0 / (1.0 + FOVEAL_VARIANCE * e.per_column * e.per_column * (1.0 + e.slope * slope));
+            meeting = Meeting(u * u * wide + v * v * tall, l.depth, sqrt(wide * tall));
+        }
+    }
+    if meeting.below <= l.range {
+        let before = (*to).transmittance;
+        let weight = min(exp2(l.log_opacity - meeting.below) * meeting.share, 1.0) * before;
+        (*to).color += weight * tint.color;
+        if surfaces(before, before - weight) {
+            // A center behind the eye has no depth; the ray has.
+            (*to).front = max(select(meeting.depth, l.depth, l.depth > 0.0), frame.near_plane);
+        }
+        (*to).transmittance = before - weight;
+    }
+}
+
+// What the dispatches before this one have collected.
+fn continued(pixel: u32) -> Blended {
+    if stretch.index > 0u {
+        return Blended(pixels[pixel].xyz, pixels[pixel].w, 0.0);
+    }
+    return Blended(vec3(0.0), 1.0, 0.0);
+}
+
+// Every pixel or block walks its tile's list on its own, for software devices: barriers of 256 lanes cost them more than reading
+// each splat again.
 @compute @workgroup_size(TILE, TILE)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
@@ -318,56 +456,82 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     if any(at >= frame.size) {
         return;
     }
-    let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
     let center = vec2<f32>(at) + 0.5 * f32(edge);
-    var color = vec3(0.0);
-    var transmittance = 1.0;
-    var front = 0.0;
-    if stretch.index > 0u {
-        color = pixels[pixel].xyz;
-        transmittance = pixels[pixel].w;
-    }
+    var blended = continued((group.z * frame.size.y + at.y) * frame.size.x + at.x);
     let list = tile_lists[tile];
     let first = list.first + stretch.first_item;
     let last = min(list.end, first + STRETCH);
     let stop = frame.least_transmittance;
     for (var k = first; k < last; k++) {
-        if transmittance < stop {
+        if blended.transmittance < stop {
             break;
         }
         let splat = pair_splats[k];
-        let e = ellipses[splat];
-        let l = levels[splat];
-        let d = center - e.center;
-        let tint = tints[splat];
-        var meeting: Meeting;
-        if tint.over_per_row > 0.0 {
-            let told_at = clamp(e.center, vec2(0.0), vec2<f32>(frame.size));
-            let direction = (center - frame.views[group.z].principal) / frame.views[group.z].focal;
-            meeting = meet_ray(near_rays.entries[u32(tint.over_per_row) - 1u], center - told_at, direction, frame.near);
-        } else {
-            let v = d.y * l.per_row;
-            if edge == 1u {
-                let u = (d.x - e.slope * d.y) * e.per_column;
-                meeting = Meeting(u * u + v * v, l.depth, 1.0);
-            } else {
-                // The mean of a block's pixels widens an ellipse: see in_blocks() in foveation.rs.
-                let tall = 1.0 / (1.0 + FOVEAL_VARIANCE * l.per_row * l.per_row);
-                let slope = e.slope * tall;
-                let u = (d.x - slope * d.y) * e.per_column;
-                let wide = 1.0 / (1.0 + FOVEAL_VARIANCE * e.per_column * e.per_column * (1.0 + e.slope * slope));
-                meeting = Meeting(u * u * wide + v * v * tall, l.depth, sqrt(wide * tall));
-            }
+        blend_splat(&blended, ellipses[splat], levels[splat], tints[splat], center, edge, group.z);
+    }
+    store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);
+}
+
+// Splats of a tile's list that its lanes keep in workgroup memory at a time, one each.
+const STAGED: u32 = TILE * TILE;
+
+var<workgroup> staged_ellipses: array<Ellipse, STAGED>;
+var<workgroup> staged_levels: array<Level, STAGED>;
+var<workgroup> staged_tints: array<Tint, STAGED>;
+// Lanes that need no further splats.
+var<workgroup> finished: atomic<u32>;
+
+// The twin of `blend` for graphics cards. All lanes of a tile copy the next splats of its list to workgroup memory, and each pixel or
+// block reads them there.
+@compute @workgroup_size(TILE, TILE)
+fn blend_staged(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
+    let edge = block_edge(group);
+    let across = TILE / edge;
+    let at = group.xy * TILE + edge * vec2(lane % across, lane / across);
+    let is_used = lane < across * across && all(at < frame.size);
+    let center = vec2<f32>(at) + 0.5 * f32(edge);
+    var blended = Blended(vec3(0.0), 1.0, 0.0);
+    if is_used {
+        blended = continued((group.z * frame.size.y + at.y) * frame.size.x + at.x);
+    }
+    let list = tile_lists[tile];
+    let first = list.first + stretch.first_item;
+    let last = min(list.end, first + STRETCH);
+    let stop = frame.least_transmittance;
+    if lane == 0u {
+        atomicStore(&finished, 0u);
+    }
+    workgroupBarrier();
+    var is_open = is_used && blended.transmittance >= stop;
+    if !is_open {
+        atomicAdd(&finished, 1u);
+    }
+    for (var begin = first; begin < last; begin += STAGED) {
+        workgroupBarrier();
+        if atomicLoad(&finished) == STAGED {
+            break;
         }
-        if meeting.below <= l.range {
-            let weight = min(exp2(l.log_opacity - meeting.below) * meeting.share, 1.0) * transmittance;
-            color += weight * tint.color;
-            if surfaces(transmittance, transmittance - weight) {
-                // A center behind the eye has no depth; the ray has.
-                front = max(select(meeting.depth, l.depth, l.depth > 0.0), frame.near_plane);
+        let count = min(STAGED, last - begin);
+        if lane < count {
+            let splat = pair_splats[begin + lane];
+            staged_ellipses[lane] = ellipses[splat];
+            staged_levels[lane] = levels[splat];
+            staged_tints[lane] = tints[splat];
+        }
+        workgroupBarrier();
+        if is_open {
+            for (var k = 0u; k < count; k++) {
+                blend_splat(&blended, staged_ellipses[k], staged_levels[k], staged_tints[k], center, edge, group.z);
+                if blended.transmittance < stop {
+                    is_open = false;
+                    atomicAdd(&finished, 1u);
+                    break;
+                }
             }
-            transmittance -= weight;
         }
     }
-    store_block(group.z, at, edge, color, transmittance, front);
+    if is_used {
+        store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);
+    }
 }

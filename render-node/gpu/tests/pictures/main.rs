@@ -19,6 +19,7 @@ mod picking;
 mod present;
 mod quality;
 mod scenes;
+mod staged;
 mod steady;
 mod structure;
 #[path = "../support/mod.rs"]

@@ -23,6 +23,8 @@ pub(super) enum CardName {
     Rtx4090,
     #[value(name = "rtx-3060")]
     Rtx3060,
+    #[value(name = "h100")]
+    H100,
 }
 
 impl CardName {
