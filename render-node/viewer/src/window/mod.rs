@@ -5,7 +5,9 @@
 
 mod actions;
 mod bookmarks;
+mod canvas;
 mod contour;
+mod damage;
 mod docks;
 mod drawing;
 mod error;
@@ -304,7 +306,7 @@ impl OpenWindow {
         if let Some(picture) = self.window_ui.take_picture() {
             surface.take(&picture);
         }
-        match surface.paint(&primitives, output.textures_delta, output.pixels_per_point) {
+        match surface.paint(primitives, output.textures_delta, output.pixels_per_point) {
             PresentResult::Shown => {
                 self.losses = 0;
                 self.fit_to_monitor();

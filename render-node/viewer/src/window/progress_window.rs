@@ -124,7 +124,7 @@ impl Opened {
         self.input.handle_platform_output(&self.window, output.platform_output);
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         let delay = output.viewport_output.get(&ViewportId::ROOT).map(|v| v.repaint_delay);
-        let painted = self.surface.paint(&primitives, output.textures_delta, output.pixels_per_point);
+        let painted = self.surface.paint(primitives, output.textures_delta, output.pixels_per_point);
         match painted {
             PresentResult::Lost => Err(WindowError::Surface("its device was lost".to_owned())),
             // The first frame learns the size of its texts, the second one has them in place.

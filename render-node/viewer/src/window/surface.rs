@@ -6,6 +6,7 @@ use egui::{ClippedPrimitive, TextureId, TexturesDelta};
 use winit::dpi::PhysicalSize;
 use winit::window::Window;
 
+use super::canvas::{Canvas, panels};
 use super::error::WindowError;
 use super::shared_texture::empty;
 use sg_gpu::Gpu;
@@ -21,6 +22,10 @@ pub(super) struct WindowSurface {
     shared: bool,
     renderer: egui_wgpu::Renderer,
     picture: TextureId,
+    /// Whether the next frame has another picture of that texture.
+    picture_changed: bool,
+    /// The last frame. `None` before the first one, and on a surface that takes no copies.
+    canvas: Option<Canvas>,
 }
 
 /// Outcome of presenting a frame.
@@ -64,12 +69,24 @@ impl WindowSurface {
         config.format = formats.into_iter().find(|f| !f.is_srgb()).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
         config.desired_maximum_frame_latency = 1;
+        config.usage |= surface.get_capabilities(adapter).usages & wgpu::TextureUsages::COPY_DST;
         gpu.configure(&surface, &config).map_err(|e| failed(&e))?;
         let options = egui_wgpu::RendererOptions { dithering: false, ..Default::default() };
         let mut renderer = egui_wgpu::Renderer::new(gpu.device(), config.format, options);
         let none = empty(&gpu, [1, 1]).create_view(&wgpu::TextureViewDescriptor::default());
         let picture = renderer.register_native_texture(gpu.device(), &none, wgpu::FilterMode::Linear);
-        Ok(Self { surface, config, surface_lost: false, gpu, shared: drawn_by.is_some(), renderer, picture })
+        let shared = drawn_by.is_some();
+        Ok(Self {
+            surface,
+            config,
+            surface_lost: false,
+            gpu,
+            shared,
+            renderer,
+            picture,
+            picture_changed: false,
+            canvas: None,
+        })
     }
 
     /// The device that draws pictures, if it also shows the window, and the pictures' texture id in egui.
@@ -82,6 +99,7 @@ impl WindowSurface {
         let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
         let (device, filter) = (self.gpu.device(), wgpu::FilterMode::Linear);
         self.renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, self.picture);
+        self.picture_changed = true;
     }
 
     /// Whether the device is lost or has reported an error. On a shared device, the picture renderer reports its own
@@ -119,10 +137,10 @@ impl WindowSurface {
         }
     }
 
-    /// Paints a frame.
+    /// Paints a frame: what differs from the one before.
     pub(super) fn paint(
         &mut self,
-        primitives: &[ClippedPrimitive],
+        primitives: Vec<ClippedPrimitive>,
         mut textures: TexturesDelta,
         pixels_per_point: f32,
     ) -> PresentResult {
@@ -131,6 +149,20 @@ impl WindowSurface {
         if self.surface_lost || self.is_broken() {
             return PresentResult::Lost;
         }
+        let size = [self.config.width, self.config.height];
+        if self.canvas.as_ref().is_none_or(|canvas| canvas.size() != size) {
+            let takes_copies = self.config.usage.contains(wgpu::TextureUsages::COPY_DST);
+            self.canvas = takes_copies.then(|| Canvas::new(&self.gpu, size, self.config.format));
+        }
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: size, pixels_per_point };
+        if let Some(canvas) = &mut self.canvas {
+            if std::mem::take(&mut self.picture_changed) {
+                canvas.replace(self.picture);
+            }
+            // Where a part of a texture is new, nothing has been drawn from that part.
+            let replaced = textures.set.iter().filter(|(_, deltas)| deltas.iter().any(|delta| delta.pos.is_none()));
+            replaced.for_each(|(id, _)| canvas.replace(*id));
+        }
         // Applied even if the frame fails: each change arrives once.
         for (id, deltas) in textures.set.drain() {
             for delta in deltas {
@@ -138,14 +170,18 @@ impl WindowSurface {
             }
         }
         let freed: Vec<_> = textures.free.drain().collect();
-        let painted = self.paint_frame(primitives, pixels_per_point);
+        let painted = self.paint_frame(primitives, &screen);
         for id in freed {
             self.renderer.free_texture(&id);
         }
         if self.is_broken() { PresentResult::Lost } else { painted }
     }
 
-    fn paint_frame(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32) -> PresentResult {
+    fn paint_frame(
+        &mut self,
+        primitives: Vec<ClippedPrimitive>,
+        screen: &egui_wgpu::ScreenDescriptor,
+    ) -> PresentResult {
         let frame = match self.surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => frame,
             wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {
@@ -157,27 +193,20 @@ impl WindowSurface {
             }
             wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => return PresentResult::Lost,
         };
-        let size_in_pixels = [self.config.width, self.config.height];
-        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels, pixels_per_point };
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let (device, queue) = (self.gpu.device(), self.gpu.queue());
-        let mut commands = self.renderer.update_buffers(device, queue, &mut encoder, primitives, &screen);
-        {
-            let view = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
-            let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("panels"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                ..wgpu::RenderPassDescriptor::default()
-            });
-            self.renderer.render(&mut pass.forget_lifetime(), primitives, &screen);
+        let mut commands = self.renderer.update_buffers(device, queue, &mut encoder, &primitives, screen);
+        match &mut self.canvas {
+            Some(canvas) => {
+                canvas.draw(&mut encoder, &self.renderer, primitives, screen);
+                let from = canvas.texture().as_image_copy();
+                encoder.copy_texture_to_texture(from, frame.texture.as_image_copy(), canvas.texture().size());
+            }
+            None => {
+                let view = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
+                let mut pass = panels(&mut encoder, &view, wgpu::LoadOp::Clear(wgpu::Color::BLACK));
+                self.renderer.render(&mut pass, &primitives, screen);
+            }
         }
         commands.push(encoder.finish());
         self.gpu.submit(commands);
