@@ -28,8 +28,9 @@ impl RayPasses {
     /// Kernels for one sort window; `depths` adds the depth of each pixel's front.
     pub(super) fn new(gpu: &Gpu, window: SortWindow, depths: bool, pictures: PicturePrecision) -> Self {
         let edge = format!("const TILE: u32 = {RAY_TILE};");
-        let [tiles, rays] = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/ray_tiles.wgsl")];
-        let parts = [&window.source(), &edge, pictures.declaration(), OVER, tiles, rays];
+        let tiles = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/blend_tiles.wgsl")];
+        let rays = include_str!("shaders/ray_tiles.wgsl");
+        let parts = [&window.source(), &edge, pictures.declaration(), OVER, tiles[0], tiles[1], rays];
         let shader = Shader::new(gpu, "tiles, by ray", &parts);
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
         Self {

@@ -129,9 +129,10 @@ mod tests {
             crate::textures::PicturePrecision::Full.declaration(),
             crate::compose::OVER,
             include_str!("shaders/tiles.wgsl"),
+            include_str!("shaders/blend_tiles.wgsl"),
         ]);
         let sort = text_of(&["fn key_count() -> u32 { return totals.listed; }", include_str!("shaders/sort.wgsl")]);
-        let entries = ["touch", "list_pairs", "blend"].map(|entry| (&tiles, entry));
+        let entries = ["touch", "list_pairs", "list_large", "blend", "blend_staged"].map(|entry| (&tiles, entry));
         for (text, entry) in entries.into_iter().chain(["count", "scatter"].map(|entry| (&sort, entry))) {
             let [checked, ours] =
                 [wgpu::ShaderRuntimeChecks::checked(), trusted::CHECKS].map(|checks| instructions(text, entry, checks));

@@ -84,7 +84,8 @@ impl TilePasses {
     /// `staged` says whether the affine blending copies splats to workgroup memory.
     pub(super) fn new(gpu: &Gpu, pictures: PicturePrecision, staged: bool) -> Self {
         let edge = format!("const TILE: u32 = {TILE};");
-        let parts = [&edge, pictures.declaration(), OVER, include_str!("shaders/tiles.wgsl")];
+        let [lists, blend] = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/blend_tiles.wgsl")];
+        let parts = [&edge, pictures.declaration(), OVER, lists, blend];
         let affine = Shader::new(gpu, "tiles", &parts);
         let kernel = |entry| Kernel::new(gpu, &affine, entry, &[]);
         let spare = |format| gpu.texture("spare", ([1, 1], 1), format, wgpu::TextureUsages::STORAGE_BINDING);

@@ -67,7 +67,7 @@ impl Periphery {
         }
     }
 
-    /// Whether the tile with this first pixel is coarse: the twin of `block_edge` in `tiles.wgsl`.
+    /// Whether the tile with this first pixel is coarse: the twin of `block_edge` in `blend_tiles.wgsl`.
     pub(crate) fn has(&self, first: [usize; 2]) -> bool {
         let first = Vec2::from(first.map(|x| x as f32));
         let nearest = self.principal.clamp(first, first + TILE as f32);

@@ -8,7 +8,7 @@ use super::{Pass, PassWork, TargetFormat};
 /// Seconds from the end of a dispatch to the begin of one that depends on it.
 const BARRIER_SECONDS: f64 = 3e-6;
 
-/// Issued instructions for one evaluation of a splat at a pixel: arithmetic, loads and the loop of `blend` in `tiles.wgsl`.
+/// Issued instructions for one evaluation of a splat at a pixel: arithmetic, loads and the loop of `blend` in `blend_tiles.wgsl`.
 const EVALUATION: f64 = 40.0;
 
 /// As [`EVALUATION`], for a splat that rays evaluate (`meet_ray`).

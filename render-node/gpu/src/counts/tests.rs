@@ -270,7 +270,7 @@ fn resources(command: &RecordedCommand) -> Resources<'_> {
 
 /// Blends the tiles again with a shader that stores the evaluations of each pixel in the place of red.
 fn pixels_of_tiles(gpu: &Gpu, blend: &RecordedCommand, views: usize) -> Vec<[f32; 4]> {
-    let text = include_str!("../shaders/tiles.wgsl");
+    let text = include_str!("../shaders/blend_tiles.wgsl");
     let changes = [
         ("    let list = tile_lists[tile];", "    var steps = 0.0;\n    let list = tile_lists[tile];"),
         ("let splat = pair_splats[k];", "let splat = pair_splats[k];\n        steps += 1.0;"),
@@ -282,11 +282,11 @@ fn pixels_of_tiles(gpu: &Gpu, blend: &RecordedCommand, views: usize) -> Vec<[f32
     // The twin with copies in workgroup memory follows.
     let text = &text[..text.find("const STAGED").unwrap()];
     let text = changes.iter().fold(text.to_owned(), |text, (from, to)| {
-        assert_eq!(text.matches(from).count(), 1, "`{from}` in tiles.wgsl");
+        assert_eq!(text.matches(from).count(), 1, "`{from}` in blend_tiles.wgsl");
         text.replace(from, to)
     });
     let edge = format!("const TILE: u32 = {};", sg_raster::TILE);
-    let parts = [&edge, PicturePrecision::Full.declaration(), OVER, &text];
+    let parts = [&edge, PicturePrecision::Full.declaration(), OVER, include_str!("../shaders/tiles.wgsl"), &text];
     let shader = Shader::new(gpu, "counting tiles", &parts);
     let kernel = Kernel::new(gpu, &shader, "blend", &[]);
     let stretch = gpu.uniform("stretch", &Stretch { index: 0, first_item: 0 });

@@ -1,5 +1,5 @@
 // Blends splats ray by ray. Each tile lists its splats in the order of the ray that meets each best within the
-// tile. Each ray sorts its layers again. Follows tiles.wgsl and the text of sort_window.rs.
+// tile. Each ray sorts its layers again. Follows tiles.wgsl, blend_tiles.wgsl and the text of sort_window.rs.
 
 // Ray coefficients of the splats.
 @group(0) @binding(17) var<storage, read> rays: array<RayCoefficients>;

@@ -95,7 +95,7 @@ impl TileWork {
         Self { first, transmittance: [[f32x8::ONE; HALVES]; TILE], inside, has_blocks: true }
     }
 
-    /// Blends layers from near to far until no pixel lets through `stop` or more: as each pixel of `tiles.wgsl` does on its own.
+    /// Blends layers from near to far until no pixel lets through `stop` or more: as each pixel of `blend_tiles.wgsl` does on its own.
     pub(super) fn until_stop<'a>(mut self, layers: impl Iterator<Item = &'a Drawn>, stop: f32) -> Visits {
         let mut visits = Visits::default();
         let mut open = Open::new(self.inside, if self.has_blocks { BLOCK_ROWS_IN_STEP } else { ROWS_IN_STEP });
