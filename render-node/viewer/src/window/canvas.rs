@@ -27,6 +27,8 @@ pub(super) struct Canvas {
     view: wgpu::TextureView,
     blank: wgpu::RenderPipeline,
     damage: Damage,
+    /// Pixels a point in the last frame.
+    pixels_per_point: f32,
     /// Textures whose pixels are others than in the last frame.
     replaced: HashSet<TextureId>,
 }
@@ -60,7 +62,8 @@ impl Canvas {
             multiview_mask: None,
             cache: None,
         });
-        Self { texture, view, blank, damage: Damage::default(), replaced: HashSet::new() }
+        let (damage, replaced) = (Damage::default(), HashSet::new());
+        Self { texture, view, blank, damage, pixels_per_point: 0.0, replaced }
     }
 
     /// Width and height in pixels.
@@ -86,6 +89,10 @@ impl Canvas {
         mut primitives: Vec<ClippedPrimitive>,
         screen: &egui_wgpu::ScreenDescriptor,
     ) {
+        // The same points are other pixels.
+        if self.pixels_per_point != screen.pixels_per_point {
+            (self.damage, self.pixels_per_point) = (Damage::default(), screen.pixels_per_point);
+        }
         let [width, height] = screen.size_in_pixels;
         let end = Pos2::new(width as f32, height as f32) / screen.pixels_per_point;
         let replaced = std::mem::take(&mut self.replaced);
@@ -157,10 +164,6 @@ mod tests {
     const SIZE: [u32; 2] = [320, 200];
     const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-    fn screen(pixels_per_point: f32) -> egui_wgpu::ScreenDescriptor {
-        egui_wgpu::ScreenDescriptor { size_in_pixels: SIZE, pixels_per_point }
-    }
-
     /// Panels of which a frame changes some.
     fn show(ui: &mut Ui, frame: usize, texture: TextureId) {
         Panel::left("tools").show(ui, |ui| {
@@ -206,7 +209,8 @@ mod tests {
         read.get_mapped_range(..).unwrap().to_vec()
     }
 
-    /// Frames on one canvas, each beside the same one on a new canvas. A mouse moves over the buttons, and a picture changes.
+    /// Frames on one canvas, each beside the same one on a new canvas. A mouse moves over the buttons, a picture changes, and the last
+    /// frame comes at another scale.
     fn compare(gpu: &Gpu, pixels_per_point: f32) {
         let ctx = Context::default();
         ctx.set_pixels_per_point(pixels_per_point);
@@ -238,20 +242,35 @@ mod tests {
                 }
             }
             textures.free.clear();
-            let mut whole = Canvas::new(gpu, SIZE, FORMAT);
-            for canvas in [&mut kept, &mut whole] {
-                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                let screen = screen(output.pixels_per_point);
-                renderer.update_buffers(gpu.device(), gpu.queue(), &mut encoder, &primitives, &screen);
-                canvas.draw(&mut encoder, &renderer, primitives.clone(), &screen);
-                gpu.submit([encoder.finish()]);
+            draw_both(gpu, &mut renderer, &mut kept, &primitives, pixels_per_point);
+            if frame == 4 {
+                // The same points at another scale.
+                draw_both(gpu, &mut renderer, &mut kept, &primitives, 0.8 * pixels_per_point);
             }
-            let [kept, whole] = [&kept, &whole].map(|canvas| bytes(gpu, canvas.texture()));
-            let other = kept.iter().zip(&whole).filter(|(a, b)| a != b).count();
-            assert_eq!(other, 0, "frame {frame} at {pixels_per_point} pixels a point");
-            let shades = whole.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect::<HashSet<_>>().len();
-            assert!(shades > 20 && whole.chunks_exact(4).all(|p| p[3] == 255), "{shades} colours");
         }
+    }
+
+    /// Draws a frame on the kept canvas and on a new one, and compares all pixels.
+    fn draw_both(
+        gpu: &Gpu,
+        renderer: &mut egui_wgpu::Renderer,
+        kept: &mut Canvas,
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+    ) {
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: SIZE, pixels_per_point };
+        let mut whole = Canvas::new(gpu, SIZE, FORMAT);
+        for canvas in [&mut *kept, &mut whole] {
+            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            renderer.update_buffers(gpu.device(), gpu.queue(), &mut encoder, primitives, &screen);
+            canvas.draw(&mut encoder, renderer, primitives.to_vec(), &screen);
+            gpu.submit([encoder.finish()]);
+        }
+        let [kept, whole] = [&*kept, &whole].map(|canvas| bytes(gpu, canvas.texture()));
+        let other = kept.iter().zip(&whole).filter(|(a, b)| a != b).count();
+        assert_eq!(other, 0, "at {pixels_per_point} pixels a point");
+        let shades = whole.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect::<HashSet<_>>().len();
+        assert!(shades > 20 && whole.chunks_exact(4).all(|p| p[3] == 255), "{shades} colours");
     }
 
     #[test]
