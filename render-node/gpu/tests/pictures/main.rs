@@ -11,6 +11,7 @@ mod foveation;
 mod gpu;
 mod gpu_state;
 mod hard_cases;
+mod large;
 mod meshes;
 mod motion;
 mod oracle;
