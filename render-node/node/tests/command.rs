@@ -245,7 +245,7 @@ fn work_is_counted_without_a_picture() {
     assert_eq!(names, ["cull", "project", "sort", "tile-lists", "pair-sort", "blend"]);
     let pairs = report["passes"][3]["tile_pairs"].as_u64().unwrap();
     assert!((9..200).contains(&pairs) && report["passes"][5]["evaluated"].as_u64().unwrap() >= 9 * 256, "{report}");
-    assert_eq!(report["predictions"].as_array().unwrap().len(), 3);
+    assert_eq!(report["predictions"].as_array().unwrap().len(), 4);
     let both = ["--both-eyes", "--rasterizer", "quads", "--card", "rtx-3090"];
     let table = good(at, &[&base[..], &both].concat());
     assert!(table.starts_with("2 views of 2064 x 2208 pixels: 9 of 9 Gaussians listed"), "{table}");
