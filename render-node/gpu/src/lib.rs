@@ -68,6 +68,7 @@ mod sort_window;
 mod splats;
 mod stats;
 mod textures;
+mod tile_shader;
 mod tiles;
 mod trial;
 mod trusted;

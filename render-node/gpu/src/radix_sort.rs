@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::pipeline::{BoundKernel, Kernel};
 use crate::resources::Resources;
-use crate::shader::Shader;
+use crate::shader::{Shader, running_sums};
 use crate::shader_layout::{SORT_BITS, SORT_BLOCK, SortPass};
 
 /// The three kernels of a sort. The number of keys is a member of [`crate::shader_layout::Totals`].
@@ -39,11 +39,16 @@ impl SortBuffers {
     }
 }
 
+/// Text of the kernels for as many keys as the member `count` of the totals says.
+pub(super) fn source(count: &str) -> String {
+    let key_count = format!("fn key_count() -> u32 {{ return totals.{count}; }}\n");
+    [&key_count, &running_sums("digit_counts"), include_str!("shaders/sort.wgsl")].concat()
+}
+
 impl RadixSort {
     /// A sort of as many keys as the member `count` of the totals says.
     pub(super) fn new(gpu: &Gpu, count: &str) -> Self {
-        let key_count = format!("fn key_count() -> u32 {{ return totals.{count}; }}");
-        let shader = Shader::new(gpu, "sort", &[&key_count, include_str!("shaders/sort.wgsl")]);
+        let shader = Shader::new(gpu, "sort", &[&source(count)]);
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
         let passes = (0..u32::BITS).step_by(SORT_BITS as usize);
         Self {

@@ -1,12 +1,12 @@
 //! Tile passes of the ray-consistent mode. Tiles list splats in the order of the rays through them; each ray sorts its layers
 //! again in a [`SortWindow`].
 
-use crate::compose::OVER;
 use crate::device::Gpu;
 use crate::pipeline::Kernel;
 use crate::shader::Shader;
 use crate::sort_window::SortWindow;
 use crate::textures::PicturePrecision;
+use crate::tile_shader::source;
 
 /// Edge of a tile in pixels. In tiles of 16 pixels the orders of two rays differ too much for a window of 64 layers on
 /// trained scenes, and lists are longer.
@@ -27,10 +27,7 @@ pub(super) struct RayPasses {
 impl RayPasses {
     /// Kernels for one sort window; `depths` adds the depth of each pixel's front.
     pub(super) fn new(gpu: &Gpu, window: SortWindow, depths: bool, pictures: PicturePrecision) -> Self {
-        let edge = format!("const TILE: u32 = {RAY_TILE};");
-        let tiles = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/blend_tiles.wgsl")];
-        let rays = include_str!("shaders/ray_tiles.wgsl");
-        let parts = [&window.source(), &edge, pictures.declaration(), OVER, tiles[0], tiles[1], rays];
+        let parts = [&window.source(), &source(RAY_TILE, pictures), include_str!("shaders/ray_tiles.wgsl")];
         let shader = Shader::new(gpu, "tiles, by ray", &parts);
         let kernel = |entry| Kernel::new(gpu, &shader, entry, &[]);
         Self {

@@ -30,6 +30,11 @@ pub(super) struct Binding {
     pub(super) access: Option<Access>,
 }
 
+/// Text of `sum_numbers` for the buffer of a variable.
+pub(super) fn running_sums(variable: &str) -> String {
+    include_str!("shaders/running_sums.wgsl").replace("NUMBERS", variable)
+}
+
 /// A shader module.
 #[derive(Debug)]
 pub(super) struct Shader {
@@ -124,14 +129,8 @@ mod tests {
 
     #[test]
     fn our_shaders_have_no_checks_of_loops_and_divisions() {
-        let tiles = text_of(&[
-            "const TILE: u32 = 16u;",
-            crate::textures::PicturePrecision::Full.declaration(),
-            crate::compose::OVER,
-            include_str!("shaders/tiles.wgsl"),
-            include_str!("shaders/blend_tiles.wgsl"),
-        ]);
-        let sort = text_of(&["fn key_count() -> u32 { return totals.listed; }", include_str!("shaders/sort.wgsl")]);
+        let tiles = text_of(&[&crate::tile_shader::source(16, crate::textures::PicturePrecision::Full)]);
+        let sort = text_of(&[&crate::radix_sort::source("listed")]);
         let entries = ["touch", "list_pairs", "list_large", "blend", "blend_staged"].map(|entry| (&tiles, entry));
         for (text, entry) in entries.into_iter().chain(["count", "scatter"].map(|entry| (&sort, entry))) {
             let [checked, ours] =

@@ -24,7 +24,6 @@ impl SortWindow {
         [
             "// No layer is deeper.\nconst EMPTY_DEPTH: f32 = 3e38;\n".to_owned(),
             format!("const LATE: f32 = {:?};\n", 1.0 / f64::from(late_parts)),
-            "struct Ray { color: vec3<f32>, transmittance: f32, front: f32 }\n".to_owned(),
             "struct Layer { depth: f32, alpha: f32, item: u32 }\n".to_owned(),
             format!("struct Waiting {{ {} }}\n", slots(&|k| format!("at{k}: Layer, "))),
             "fn nobody_before() -> Waiting { var none: Waiting; return none; }\n".to_owned(),
@@ -37,7 +36,7 @@ impl SortWindow {
             "fn keep_nearest(waiting: ptr<function, Waiting>, given: Layer) {\n    var one = given;\n".to_owned(),
             slots(&|k| swap(k, "<")),
             "}\n".to_owned(),
-            "fn pour(ray: ptr<function, Ray>, waiting: ptr<function, Waiting>) {\n".to_owned(),
+            "fn pour(ray: ptr<function, Blended>, waiting: ptr<function, Waiting>) {\n".to_owned(),
             slots(&|k| format!("    blend_layer(ray, (*waiting).at{k});\n")),
             "}\n".to_owned(),
             format!("fn deepest(waiting: ptr<function, Waiting>) -> Layer {{ return (*waiting).at{last}; }}\n"),

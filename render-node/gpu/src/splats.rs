@@ -11,7 +11,7 @@ use crate::radix_sort::{RadixSort, SortBindings};
 use crate::recorded;
 use crate::resources::Resources;
 use crate::scene_buffers::SceneBuffers;
-use crate::shader::Shader;
+use crate::shader::{Shader, running_sums};
 use crate::shader_layout::{DispatchArguments, Dispatches};
 use crate::stats::{Stage, StatsReadback};
 
@@ -92,7 +92,7 @@ impl SplatPasses {
             include_str!("shaders/ray_project.wgsl"),
             include_str!("shaders/project.wgsl"),
         ];
-        let list = Shader::new(gpu, "list", &[include_str!("shaders/list.wgsl")]);
+        let list = Shader::new(gpu, "list", &[&running_sums("block_counts"), include_str!("shaders/list.wgsl")]);
         let counts = [("BLOCKS", f64::from(scene.blocks)), ("PARTS", scene.parts.len() as f64)];
         Self {
             cull: Shader::new(gpu, "cull", &cull),

@@ -8,7 +8,6 @@ use glam::Vec4;
 use sg_raster::TILE;
 
 use crate::buffers::{RenderTargets, WorkBuffers, tile_count};
-use crate::compose::OVER;
 use crate::depth::DEPTH_FORMAT;
 use crate::device::Gpu;
 use crate::hidden_tiles::shown_before;
@@ -22,6 +21,7 @@ use crate::shader_layout::{Dispatches, LANES, LARGE_ITEMS, PairDispatches, STRET
 use crate::sort_window::SortWindow;
 use crate::stats::{Stage, StatsReadback};
 use crate::textures::PicturePrecision;
+use crate::tile_shader::source;
 use crate::visibility_mask::VisibilityMask;
 
 /// Bytes of the number of large items, before the items.
@@ -83,10 +83,7 @@ pub(super) struct TilePasses {
 impl TilePasses {
     /// `staged` says whether the affine blending copies splats to workgroup memory.
     pub(super) fn new(gpu: &Gpu, pictures: PicturePrecision, staged: bool) -> Self {
-        let edge = format!("const TILE: u32 = {TILE};");
-        let [lists, blend] = [include_str!("shaders/tiles.wgsl"), include_str!("shaders/blend_tiles.wgsl")];
-        let parts = [&edge, pictures.declaration(), OVER, lists, blend];
-        let affine = Shader::new(gpu, "tiles", &parts);
+        let affine = Shader::new(gpu, "tiles", &[&source(TILE as u32, pictures)]);
         let kernel = |entry| Kernel::new(gpu, &affine, entry, &[]);
         let spare = |format| gpu.texture("spare", ([1, 1], 1), format, wgpu::TextureUsages::STORAGE_BINDING);
         Self {

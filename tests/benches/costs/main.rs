@@ -159,15 +159,20 @@ impl Row {
         }
     }
 
-    /// The line of the table for a card: median and 95th percentile of each part and of all.
+    /// The line of the table for a card.
     fn line(&self, card: &Card) -> String {
+        self.line_of(card.name, |place| self.milliseconds(card, place))
+    }
+
+    /// A line of the table from the milliseconds of a part, or of all: median and 95th percentile of each part and of all.
+    fn line_of(&self, name: &str, milliseconds: impl Fn(Option<usize>) -> Vec<f64>) -> String {
         let places = (0..PLACES.len()).map(Some).chain([None]);
         let cells = places.map(|place| {
-            let mut ms = self.milliseconds(card, place);
+            let mut ms = milliseconds(place);
             format!("{:.2} / {:.2}", quantile(&mut ms, 0.5), quantile(&mut ms, 0.95))
         });
         let cells = cells.collect::<Vec<_>>().join(" | ");
-        format!("| {}, {} | {} | {} | {cells} |", self.scene, self.gaussians, self.name, card.name)
+        format!("| {}, {} | {} | {name} | {cells} |", self.scene, self.gaussians, self.name)
     }
 
     /// The passes at the pose of the median predicted time on the first card.

@@ -100,17 +100,9 @@ pub(crate) fn compared(row: &Row, measured: &[Measured], device: &str, card: &Ca
     let at = |place: Option<usize>| {
         row.places.iter().zip(measured).filter(move |(at, _)| place.is_none_or(|p| p == **at)).map(|(_, m)| m)
     };
-    let cells = |of: &dyn Fn(&Measured) -> f64| -> String {
-        let places = (0..PLACES.len()).map(Some).chain([None]);
-        let cells = places.map(|place| {
-            let mut ms: Vec<f64> = at(place).map(|m| 1e3 * of(m)).collect();
-            format!("{:.2} / {:.2}", quantile(&mut ms, 0.5), quantile(&mut ms, 0.95))
-        });
-        cells.collect::<Vec<_>>().join(" | ")
-    };
     let whole = [
-        format!("| {}, {} | {} | {device}, device | {} |", row.scene, row.gaussians, row.name, cells(&|m| m.device)),
-        format!("| {}, {} | {} | {device}, wall | {} |", row.scene, row.gaussians, row.name, cells(&|m| m.wall)),
+        row.line_of(&format!("{device}, device"), |place| at(place).map(|m| 1e3 * m.device).collect()),
+        row.line_of(&format!("{device}, wall"), |place| at(place).map(|m| 1e3 * m.wall).collect()),
     ];
     let mut passes = Vec::new();
     for (place, (name, _)) in PLACES.iter().enumerate() {

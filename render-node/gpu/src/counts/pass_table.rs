@@ -107,6 +107,12 @@ impl Table {
         &mut self.commands[at]
     }
 
+    /// The begin of a buffer becomes zero.
+    fn clear(&mut self, name: &'static str, bytes: u64) {
+        let target = Resource { access: Access::CopyTarget, ..Resource::write("", 0, bytes).of(name, 0) };
+        self.add("clear", Kind::Clear, vec![target]);
+    }
+
     fn dispatch(&mut self, entry: &'static str, resources: Vec<Resource>) {
         self.add(entry, Kind::Dispatch, resources);
     }
@@ -149,11 +155,7 @@ fn splats(table: &mut Table, frame: &Frame, counts: &Counts) {
     let Frame { parts, .. } = *frame;
     let share = |count: u64, part: u64| count * (part + 1) / parts - count * part / parts;
     let blocks = counts.gaussians.div_ceil(crate::shader_layout::BLOCK.into());
-    table.add(
-        "clear",
-        Kind::Clear,
-        vec![Resource { access: Access::CopyTarget, ..Resource::write("", 0, 16).of("near_rays", 0) }],
-    );
+    table.clear("near_rays", 16);
     table.begin(Pass::Cull);
     for part in 0..parts {
         let (n, blocks) = (share(counts.gaussians, part), share(blocks, part));
@@ -281,11 +283,7 @@ fn tiles(table: &mut Table, frame: &Frame, counts: &Counts) {
     let windows = frame.windows(counts);
     let splat = Ellipse::SHADER_SIZE.get() + Level::SHADER_SIZE.get();
     table.pass = Pass::TileLists;
-    table.add(
-        "clear",
-        Kind::Clear,
-        vec![Resource { access: Access::CopyTarget, ..Resource::write("", 0, WORD).of("large_items", 0) }],
-    );
+    table.clear("large_items", WORD);
     for window in 0..windows {
         let pairs = counts.tile_pairs * (window + 1) / windows - counts.tile_pairs * window / windows;
         table.begin(Pass::TileLists);

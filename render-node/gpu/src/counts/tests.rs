@@ -7,7 +7,6 @@ use sg_scene::synthetic::test_scene;
 
 use super::*;
 use crate::barriers::{Access, Kind};
-use crate::compose::OVER;
 use crate::depth_layer::DepthLayer;
 use crate::device::{Gpu, test_device};
 use crate::pipeline::{DrawPipeline, Kernel};
@@ -270,24 +269,22 @@ fn resources(command: &RecordedCommand) -> Resources<'_> {
 
 /// Blends the tiles again with a shader that stores the evaluations of each pixel in the place of red.
 fn pixels_of_tiles(gpu: &Gpu, blend: &RecordedCommand, views: usize) -> Vec<[f32; 4]> {
-    let text = include_str!("../shaders/blend_tiles.wgsl");
-    let changes = [
-        ("    let list = tile_lists[tile];", "    var steps = 0.0;\n    let list = tile_lists[tile];"),
-        ("let splat = pair_splats[k];", "let splat = pair_splats[k];\n        steps += 1.0;"),
-        (
-            "store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);",
-            "pixels[(group.z * frame.size.y + at.y) * frame.size.x + at.x] = vec4(steps, blended.color.xy, blended.transmittance);",
-        ),
-    ];
+    let text = crate::tile_shader::source(sg_raster::TILE as u32, PicturePrecision::Full);
     // The twin with copies in workgroup memory follows.
     let text = &text[..text.find("const STAGED").unwrap()];
+    let changes = [
+        ("    let part = part_of_list(group);", "    var steps = 0.0;\n    let part = part_of_list(group);"),
+        ("let splat = pair_splats[k];", "let splat = pair_splats[k];\n        steps += 1.0;"),
+        (
+            "store_block(group.z, place, blended);",
+            "pixels[pixel_of(group.z, place.at)] = vec4(steps, blended.color.xy, blended.transmittance);",
+        ),
+    ];
     let text = changes.iter().fold(text.to_owned(), |text, (from, to)| {
-        assert_eq!(text.matches(from).count(), 1, "`{from}` in blend_tiles.wgsl");
+        assert_eq!(text.matches(from).count(), 1, "`{from}` in the text of tiles");
         text.replace(from, to)
     });
-    let edge = format!("const TILE: u32 = {};", sg_raster::TILE);
-    let parts = [&edge, PicturePrecision::Full.declaration(), OVER, include_str!("../shaders/tiles.wgsl"), &text];
-    let shader = Shader::new(gpu, "counting tiles", &parts);
+    let shader = Shader::new(gpu, "counting tiles", &[&text]);
     let kernel = Kernel::new(gpu, &shader, "blend", &[]);
     let stretch = gpu.uniform("stretch", &Stretch { index: 0, first_item: 0 });
     let count = views * (SIZE[0] * SIZE[1]) as usize;

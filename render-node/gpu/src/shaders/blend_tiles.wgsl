@@ -40,23 +40,55 @@ fn block_edge(group: vec3<u32>) -> u32 {
     return select(1u, FOVEAL_BLOCK, dot(slope, slope) >= frame.foveal_squared_slope);
 }
 
-// Stores one colour for all pixels of a block. Between two dispatches its first pixel stands for it.
-fn store_block(view: u32, at: vec2<u32>, edge: u32, color: vec3<f32>, transmittance: f32, front: f32) {
-    let pixel = (view * frame.size.y + at.y) * frame.size.x + at.x;
-    for (var k = 0u; k < edge * edge; k++) {
-        let to = at + vec2(k % edge, k / edge);
-        if all(to < frame.size) {
-            store_pixel(view, to, pixel, color, transmittance);
-            store_front(view, to, front);
-        }
-    }
-}
-
 // What a pixel or a block has collected so far.
 struct Blended {
     color: vec3<f32>,
     transmittance: f32,
     front: f32,
+}
+
+// The pixel or block of a lane.
+struct Place {
+    at: vec2<u32>,
+    edge: u32,
+    // Whether the lane has one.
+    is_used: bool,
+}
+
+// The first lanes take the blocks, so that groups of lanes in step have all or none of them.
+fn place_of(group: vec3<u32>, lane: u32) -> Place {
+    let edge = block_edge(group);
+    let across = TILE / edge;
+    let at = group.xy * TILE + edge * vec2(lane % across, lane / across);
+    return Place(at, edge, lane < across * across && all(at < frame.size));
+}
+
+fn middle_of(place: Place) -> vec2<f32> {
+    return vec2<f32>(place.at) + 0.5 * f32(place.edge);
+}
+
+// Where a pixel of a view lies in `pixels`.
+fn pixel_of(view: u32, at: vec2<u32>) -> u32 {
+    return (view * frame.size.y + at.y) * frame.size.x + at.x;
+}
+
+// The part of a tile's list that this dispatch blends: its first pair and its end.
+fn part_of_list(group: vec3<u32>) -> vec2<u32> {
+    let list = tile_lists[(group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x];
+    let first = list.first + stretch.first_item;
+    return vec2(first, max(min(list.end, first + STRETCH), first));
+}
+
+// Stores one colour for all pixels of a block. Between two dispatches its first pixel stands for it.
+fn store_block(view: u32, place: Place, blended: Blended) {
+    let pixel = pixel_of(view, place.at);
+    for (var k = 0u; k < place.edge * place.edge; k++) {
+        let to = place.at + vec2(k % place.edge, k / place.edge);
+        if all(to < frame.size) {
+            store_pixel(view, to, pixel, blended.color, blended.transmittance);
+            store_front(view, to, blended.front);
+        }
+    }
 }
 
 // Blends a splat behind all before it, at the middle of a pixel or block.
@@ -105,31 +137,22 @@ fn continued(pixel: u32) -> Blended {
 // each splat again.
 @compute @workgroup_size(TILE, TILE)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
-    let edge = block_edge(group);
-    // The first lanes take the blocks, so that groups of lanes in step have all or none of them.
-    let across = TILE / edge;
-    if lane >= across * across {
+    let place = place_of(group, lane);
+    if !place.is_used {
         return;
     }
-    let at = group.xy * TILE + edge * vec2(lane % across, lane / across);
-    if any(at >= frame.size) {
-        return;
-    }
-    let center = vec2<f32>(at) + 0.5 * f32(edge);
-    var blended = continued((group.z * frame.size.y + at.y) * frame.size.x + at.x);
-    let list = tile_lists[tile];
-    let first = list.first + stretch.first_item;
-    let last = min(list.end, first + STRETCH);
+    let center = middle_of(place);
+    var blended = continued(pixel_of(group.z, place.at));
+    let part = part_of_list(group);
     let stop = frame.least_transmittance;
-    for (var k = first; k < last; k++) {
+    for (var k = part.x; k < part.y; k++) {
         if blended.transmittance < stop {
             break;
         }
         let splat = pair_splats[k];
-        blend_splat(&blended, ellipses[splat], levels[splat], tints[splat], center, edge, group.z);
+        blend_splat(&blended, ellipses[splat], levels[splat], tints[splat], center, place.edge, group.z);
     }
-    store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);
+    store_block(group.z, place, blended);
 }
 
 // Splats of a tile's list that its lanes keep in workgroup memory at a time, one each.
@@ -145,34 +168,28 @@ var<workgroup> finished: atomic<u32>;
 // block reads them there.
 @compute @workgroup_size(TILE, TILE)
 fn blend_staged(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
-    let edge = block_edge(group);
-    let across = TILE / edge;
-    let at = group.xy * TILE + edge * vec2(lane % across, lane / across);
-    let is_used = lane < across * across && all(at < frame.size);
-    let center = vec2<f32>(at) + 0.5 * f32(edge);
+    let place = place_of(group, lane);
+    let center = middle_of(place);
     var blended = Blended(vec3(0.0), 1.0, 0.0);
-    if is_used {
-        blended = continued((group.z * frame.size.y + at.y) * frame.size.x + at.x);
+    if place.is_used {
+        blended = continued(pixel_of(group.z, place.at));
     }
-    let list = tile_lists[tile];
-    let first = list.first + stretch.first_item;
-    let last = min(list.end, first + STRETCH);
+    let part = part_of_list(group);
     let stop = frame.least_transmittance;
     if lane == 0u {
         atomicStore(&finished, 0u);
     }
     workgroupBarrier();
-    var is_open = is_used && blended.transmittance >= stop;
+    var is_open = place.is_used && blended.transmittance >= stop;
     if !is_open {
         atomicAdd(&finished, 1u);
     }
-    for (var begin = first; begin < last; begin += STAGED) {
+    for (var begin = part.x; begin < part.y; begin += STAGED) {
         workgroupBarrier();
         if atomicLoad(&finished) == STAGED {
             break;
         }
-        let count = min(STAGED, last - begin);
+        let count = min(STAGED, part.y - begin);
         if lane < count {
             let splat = pair_splats[begin + lane];
             staged_ellipses[lane] = ellipses[splat];
@@ -182,7 +199,7 @@ fn blend_staged(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         workgroupBarrier();
         if is_open {
             for (var k = 0u; k < count; k++) {
-                blend_splat(&blended, staged_ellipses[k], staged_levels[k], staged_tints[k], center, edge, group.z);
+                blend_splat(&blended, staged_ellipses[k], staged_levels[k], staged_tints[k], center, place.edge, group.z);
                 if blended.transmittance < stop {
                     is_open = false;
                     atomicAdd(&finished, 1u);
@@ -191,7 +208,7 @@ fn blend_staged(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             }
         }
     }
-    if is_used {
-        store_block(group.z, at, edge, blended.color, blended.transmittance, blended.front);
+    if place.is_used {
+        store_block(group.z, place, blended);
     }
 }

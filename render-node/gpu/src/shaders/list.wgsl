@@ -22,22 +22,9 @@ fn groups(items: u32, each: u32) -> DispatchArguments {
 
 @compute @workgroup_size(LANES)
 fn sum_blocks(@builtin(local_invocation_index) lane: u32) {
-    let each = (BLOCKS + LANES - 1u) / LANES;
-    let first = lane * each;
-    let last = min(first + each, BLOCKS);
-    var sum = 0u;
-    for (var k = first; k < last; k++) {
-        sum += block_counts[k];
-    }
-    var running = sum_up_to(lane, sum) - sum;
-    for (var k = first; k < last; k++) {
-        let count = block_counts[k];
-        block_counts[k] = running;
-        running += count;
-    }
+    let marked_in_all = sum_numbers(lane, BLOCKS);
     storageBarrier();
     if lane == 0u {
-        let marked_in_all = scanned[LANES - 1u];
         let count = min(marked_in_all, frame.capacity);
         totals.listed = count;
         totals.marked = marked_in_all;

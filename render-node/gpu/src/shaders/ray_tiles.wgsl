@@ -67,7 +67,7 @@ fn layer_of(k: u32, center: vec2<f32>) -> Layer {
 }
 
 // Blends a layer behind all layers so far.
-fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
+fn blend_layer(ray: ptr<function, Blended>, layer: Layer) {
     if layer.alpha > 0.0 {
         let weight = layer.alpha * (*ray).transmittance;
         (*ray).color += weight * tints[pair_splats[layer.item]].color;
@@ -80,7 +80,7 @@ fn blend_layer(ray: ptr<function, Ray>, layer: Layer) {
 
 // Blends the layers [first, last) of a list in the order of the ray. Each pass over the whole list takes the next
 // layers, as many as fit.
-fn blend_in_order(ray: ptr<function, Ray>, first: u32, last: u32, center: vec2<f32>) {
+fn blend_in_order(ray: ptr<function, Blended>, first: u32, last: u32, center: vec2<f32>) {
     let stop = frame.least_transmittance;
     var rounds = 2u * (last - first);
     var done = Layer(-1.0, 0.0, 0u);
@@ -115,21 +115,15 @@ fn comes_behind(layer: Layer, other: Layer) -> bool {
 
 @compute @workgroup_size(TILE, TILE)
 fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
-    let tile = (group.z * frame.tiles.y + group.y) * frame.tiles.x + group.x;
     let at = vec2(group.x * TILE + local.x, group.y * TILE + local.y);
     if any(at >= frame.size) {
         return;
     }
-    let pixel = (group.z * frame.size.y + at.y) * frame.size.x + at.x;
+    let pixel = pixel_of(group.z, at);
     let center = vec2<f32>(at) + 0.5;
-    var ray = Ray(vec3(0.0), 1.0, 0.0);
-    if stretch.index > 0u {
-        ray = Ray(pixels[pixel].xyz, pixels[pixel].w, 0.0);
-    }
+    var ray = continued(pixel);
     let before = ray;
-    let list = tile_lists[tile];
-    let first = list.first + stretch.first_item;
-    let last = max(min(list.end, first + STRETCH), first);
+    let part = part_of_list(group);
     let stop = frame.least_transmittance;
     var waiting = nobody_before();
     // Transmittance of all layers so far, including the sort window.
@@ -137,7 +131,7 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     // Greatest blended depth, and the opacity that came too late for its place before it.
     var gone = -1.0;
     var late = 0.0;
-    for (var k = first; k < last; k++) {
+    for (var k = part.x; k < part.y; k++) {
         if ray.transmittance < stop || late > LATE {
             break;
         }
@@ -154,7 +148,7 @@ fn blend_rays(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     }
     if late > LATE {
         ray = before;
-        blend_in_order(&ray, first, last, center);
+        blend_in_order(&ray, part.x, part.y, center);
     } else {
         pour(&ray, &waiting);
     }

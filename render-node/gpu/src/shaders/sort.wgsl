@@ -46,21 +46,7 @@ fn count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
 
 @compute @workgroup_size(LANES)
 fn scan(@builtin(local_invocation_index) lane: u32) {
-    let n = DIGITS * blocks();
-    var before = 0u;
-    for (var begin = 0u; begin < n; begin += SCAN_BLOCK) {
-        for (var k = lane; k < SCAN_BLOCK; k += LANES) {
-            scan_block[k] = 0u;
-            if begin + k < n {
-                scan_block[k] = digit_counts[begin + k];
-            }
-        }
-        before = sum_block_up_to(lane, before);
-        for (var k = lane; k < min(SCAN_BLOCK, n - begin); k += LANES) {
-            digit_counts[begin + k] = scan_block[k];
-        }
-        workgroupBarrier();
-    }
+    sum_numbers(lane, DIGITS * blocks());
 }
 
 // Counters of the digits d and d + HALF share a word: no lane counts beyond 2^16. By d, then by lane.

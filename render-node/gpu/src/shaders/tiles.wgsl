@@ -157,23 +157,9 @@ fn touch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
 
 @compute @workgroup_size(LANES)
 fn sum_touched(@builtin(local_invocation_index) lane: u32) {
-    let n = (totals.listed * frame.view_count + LANES - 1u) / LANES;
-    var before = 0u;
-    for (var begin = 0u; begin < n; begin += SCAN_BLOCK) {
-        for (var k = lane; k < SCAN_BLOCK; k += LANES) {
-            scan_block[k] = 0u;
-            if begin + k < n {
-                scan_block[k] = touched_sums[begin + k];
-            }
-        }
-        before = sum_block_up_to(lane, before);
-        for (var k = lane; k < min(SCAN_BLOCK, n - begin); k += LANES) {
-            touched_sums[begin + k] = scan_block[k];
-        }
-        workgroupBarrier();
-    }
+    let pairs = sum_numbers(lane, (totals.listed * frame.view_count + LANES - 1u) / LANES);
     if lane == 0u {
-        totals.pairs = before;
+        totals.pairs = pairs;
     }
 }
 
@@ -203,8 +189,9 @@ fn list_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
         var count = 0u;
         var is_large = false;
         if item < items {
-            count = touched[item] & ~IS_LARGE;
-            is_large = (touched[item] & IS_LARGE) != 0u;
+            let tiles = touched[item];
+            count = tiles & ~IS_LARGE;
+            is_large = tiles != count;
         }
         var place = touched_sums[block] + sum_up_to(lane, count) - count;
         if count > 0u && !is_large && place < end && place + count > begin {

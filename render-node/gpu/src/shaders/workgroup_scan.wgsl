@@ -1,4 +1,4 @@
-// Sums over the lanes of one workgroup.
+// A sum over the lanes of one workgroup.
 
 var<workgroup> scanned: array<u32, LANES>;
 
@@ -17,26 +17,4 @@ fn sum_up_to(lane: u32, value: u32) -> u32 {
         workgroupBarrier();
     }
     return scanned[lane];
-}
-
-var<workgroup> scan_block: array<u32, SCAN_BLOCK>;
-
-// Replaces the numbers of scan_block, which the lanes have just written, by `before` and the sum of all before them. Returns `before`
-// and the sum of all. The lanes read and write a buffer's neighbouring numbers together, and each sums some of its own here: reading
-// those from the buffer would take ten times as long.
-fn sum_block_up_to(lane: u32, before: u32) -> u32 {
-    const OWN = SCAN_BLOCK / LANES;
-    workgroupBarrier();
-    var sum = 0u;
-    for (var k = 0u; k < OWN; k++) {
-        sum += scan_block[lane * OWN + k];
-    }
-    var running = before + sum_up_to(lane, sum) - sum;
-    for (var k = 0u; k < OWN; k++) {
-        let own = scan_block[lane * OWN + k];
-        scan_block[lane * OWN + k] = running;
-        running += own;
-    }
-    workgroupBarrier();
-    return before + scanned[LANES - 1u];
 }

@@ -16,8 +16,11 @@ const LARGER: f64 = 8.0;
 fn large_cases() -> Vec<(Case, Camera)> {
     let names = ["huge", "near distance in a cloud", "eye in a centre"];
     let chosen = cases::all().into_iter().filter(|case| names.contains(&case.name));
-    let found: Vec<_> =
-        chosen.map(|case| (scaled(&case.camera, LARGER), case)).map(|(camera, case)| (case, camera)).collect();
+    let with_camera = |case: Case| {
+        let camera = scaled(&case.camera, LARGER);
+        (case, camera)
+    };
+    let found: Vec<_> = chosen.map(with_camera).collect();
     assert_eq!(found.len(), names.len());
     found
 }

@@ -25,6 +25,7 @@ fn blank() -> @location(0) vec4<f32> {
 pub(super) struct Canvas {
     texture: wgpu::Texture,
     view: wgpu::TextureView,
+    /// The pipeline of [`BLANK`].
     blank: wgpu::RenderPipeline,
     damage: Damage,
     /// Pixels a point in the last frame.
@@ -36,9 +37,7 @@ pub(super) struct Canvas {
 impl Canvas {
     /// A canvas for a window of `size` pixels.
     pub(super) fn new(gpu: &Gpu, size: [u32; 2], format: wgpu::TextureFormat) -> Self {
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        let texture = gpu.texture("last frame of the window", (size, 1), format, usage);
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let (texture, view) = target(gpu, size, format);
         let source = wgpu::ShaderSource::Wgsl(BLANK.into());
         let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("blank"), source });
         let blank = gpu.device().create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -66,9 +65,12 @@ impl Canvas {
         Self { texture, view, blank, damage, pixels_per_point: 0.0, replaced }
     }
 
-    /// Width and height in pixels.
-    pub(super) fn size(&self) -> [u32; 2] {
-        [self.texture.width(), self.texture.height()]
+    /// Takes another size; then it has no last frame.
+    pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) {
+        if [self.texture.width(), self.texture.height()] != size {
+            (self.texture, self.view) = target(gpu, size, self.texture.format());
+            self.damage = Damage::default();
+        }
     }
 
     /// The last frame.
@@ -117,6 +119,14 @@ impl Canvas {
         }
         self.damage.keep(primitives);
     }
+}
+
+/// A texture for frames of `size` pixels.
+fn target(gpu: &Gpu, size: [u32; 2], format: wgpu::TextureFormat) -> (wgpu::Texture, wgpu::TextureView) {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+    let texture = gpu.texture("last frame of the window", (size, 1), format, usage);
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    (texture, view)
 }
 
 /// A pass that draws panels.

@@ -29,32 +29,27 @@ impl Damage {
     ) -> Vec<Rect> {
         let Some(before) = &self.before else { return vec![screen] };
         let mut areas = Areas::default();
-        // Primitives before and after those that came or went.
-        let same = |a: &ClippedPrimitive, b: &ClippedPrimitive| is_same(a, b);
-        let most = before.len().min(primitives.len());
-        let (first, last) = if before.len() == primitives.len() {
-            (most, 0)
-        } else {
-            let first = before.iter().zip(primitives).take_while(|(a, b)| same(a, b)).count();
-            let last = before.iter().rev().zip(primitives.iter().rev()).take_while(|(a, b)| same(a, b)).count();
-            (first, last.min(most - first))
-        };
-        let ends = |all: usize| first..all - last;
-        for gone in before.get(ends(before.len())).unwrap_or_default() {
-            areas.add(bounds(gone));
-        }
-        for new in primitives.get(ends(primitives.len())).unwrap_or_default() {
-            areas.add(bounds(new));
-        }
-        let pairs = before.iter().zip(primitives).take(first);
-        let pairs = pairs.chain(before.iter().rev().zip(primitives.iter().rev()).take(last));
-        for (old, new) in pairs {
-            if !same(old, new) {
-                areas.add(bounds(old));
-                areas.add(bounds(new));
-            } else if texture(new).is_none_or(&changes) {
-                areas.add(bounds(new));
+        let unchanged = |new: &ClippedPrimitive| texture(new).is_some_and(|texture| !changes(texture));
+        if before.len() == primitives.len() {
+            for (old, new) in before.iter().zip(primitives) {
+                if !is_same(old, new) {
+                    areas.add(bounds(old));
+                    areas.add(bounds(new));
+                } else if !unchanged(new) {
+                    areas.add(bounds(new));
+                }
             }
+        } else {
+            // Those that came or went, between equal ones.
+            let most = before.len().min(primitives.len());
+            let first = before.iter().zip(primitives).take_while(|(a, b)| is_same(a, b)).count();
+            let ends = before.iter().rev().zip(primitives.iter().rev());
+            let last = ends.take(most - first).take_while(|(a, b)| is_same(a, b)).count();
+            let between = |k: usize, all: usize| (first..all - last).contains(&k);
+            let gone = before.iter().enumerate().filter(|(k, _)| between(*k, before.len()));
+            gone.for_each(|(_, old)| areas.add(bounds(old)));
+            let drawn = |(k, new): &(usize, &ClippedPrimitive)| between(*k, primitives.len()) || !unchanged(new);
+            primitives.iter().enumerate().filter(drawn).for_each(|(_, new)| areas.add(bounds(new)));
         }
         areas.0.iter().map(|area| area.expand(MARGIN).intersect(screen)).filter(Rect::is_positive).collect()
     }

@@ -22,9 +22,7 @@ pub(super) struct WindowSurface {
     shared: bool,
     renderer: egui_wgpu::Renderer,
     picture: TextureId,
-    /// Whether the next frame has another picture of that texture.
-    picture_changed: bool,
-    /// The last frame. `None` before the first one, and on a surface that takes no copies.
+    /// The last frame. `None` on a surface that takes no copies.
     canvas: Option<Canvas>,
 }
 
@@ -76,17 +74,9 @@ impl WindowSurface {
         let none = empty(&gpu, [1, 1]).create_view(&wgpu::TextureViewDescriptor::default());
         let picture = renderer.register_native_texture(gpu.device(), &none, wgpu::FilterMode::Linear);
         let shared = drawn_by.is_some();
-        Ok(Self {
-            surface,
-            config,
-            surface_lost: false,
-            gpu,
-            shared,
-            renderer,
-            picture,
-            picture_changed: false,
-            canvas: None,
-        })
+        let takes_copies = config.usage.contains(wgpu::TextureUsages::COPY_DST);
+        let canvas = takes_copies.then(|| Canvas::new(&gpu, [config.width, config.height], config.format));
+        Ok(Self { surface, config, surface_lost: false, gpu, shared, renderer, picture, canvas })
     }
 
     /// The device that draws pictures, if it also shows the window, and the pictures' texture id in egui.
@@ -99,7 +89,9 @@ impl WindowSurface {
         let view = picture.create_view(&wgpu::TextureViewDescriptor::default());
         let (device, filter) = (self.gpu.device(), wgpu::FilterMode::Linear);
         self.renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, self.picture);
-        self.picture_changed = true;
+        if let Some(canvas) = &mut self.canvas {
+            canvas.replace(self.picture);
+        }
     }
 
     /// Whether the device is lost or has reported an error. On a shared device, the picture renderer reports its own
@@ -150,15 +142,9 @@ impl WindowSurface {
             return PresentResult::Lost;
         }
         let size = [self.config.width, self.config.height];
-        if self.canvas.as_ref().is_none_or(|canvas| canvas.size() != size) {
-            let takes_copies = self.config.usage.contains(wgpu::TextureUsages::COPY_DST);
-            self.canvas = takes_copies.then(|| Canvas::new(&self.gpu, size, self.config.format));
-        }
         let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: size, pixels_per_point };
         if let Some(canvas) = &mut self.canvas {
-            if std::mem::take(&mut self.picture_changed) {
-                canvas.replace(self.picture);
-            }
+            canvas.fit(&self.gpu, size);
             // Where a part of a texture is new, nothing has been drawn from that part.
             let replaced = textures.set.iter().filter(|(_, deltas)| deltas.iter().any(|delta| delta.pos.is_none()));
             replaced.for_each(|(id, _)| canvas.replace(*id));
