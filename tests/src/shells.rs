@@ -61,6 +61,7 @@ pub fn shells(n: usize, look: Look) -> Scene {
         shading: ShadingModel::Paper,
         oriented_normals: true,
         transfer_function: None,
+        values: None,
     };
     Scene::compose(vec![unit], None)
 }

@@ -1,4 +1,4 @@
-//! A small scene of two base units, `body` and `sac`, each a ball of Gaussians.
+//! A small scene of two base units, `body` and `sac`, each a ball of Gaussians that keep values of a volume.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -40,6 +40,11 @@ fn ball(x: f64) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "property float {name}");
     }
+    // What fits of volumes keep of them: the value is the place along x, 100 for each length of 1.
+    text.push_str("property double source_value\n");
+    for name in "spread gradient consistency surfaceness depth".split(' ') {
+        let _ = writeln!(text, "property float source_{name}");
+    }
     text.push_str("end_header\n");
     for i in 0..GAUSSIANS {
         // Evenly over the volume: the golden angle about the axis, the cube root for the radius.
@@ -47,7 +52,8 @@ fn ball(x: f64) -> String {
         let (angle, z) = (i as f64 * 2.399_963, 1.0 - 2.0 * ((i as f64 * 0.618_034).fract()));
         let (radius, ring) = (0.8 * t.cbrt(), (1.0 - z * z).sqrt());
         let (px, py, pz) = (x + radius * ring * angle.cos(), radius * ring * angle.sin(), radius * z);
-        let _ = writeln!(text, "{px} {py} {pz} 0.3 0.2 0.1 1.5 -2.6 -2.6 -2.6 1 0 0 0");
+        let value = 100.0 * px;
+        let _ = writeln!(text, "{px} {py} {pz} 0.3 0.2 0.1 1.5 -2.6 -2.6 -2.6 1 0 0 0 {value} 0 0 0 0 2");
     }
     text
 }

@@ -56,7 +56,8 @@ pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
 pub(crate) struct Picture {
     /// The scene: a Gaussian file or `scene.toml`. Or a volume, for ray marching.
     scene: PathBuf,
-    /// Transfer function of a volume [default: an automatic one from the histogram].
+    /// Transfer function of a volume [default: an automatic one from the histogram]. Or another one for a scene of a volume, whose
+    /// Gaussians keep the volume's values [default: that of the scene].
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
     /// Distance between two samples on a ray through a volume, in voxels [default: 0.5].

@@ -18,6 +18,8 @@ pub(crate) struct Classification<'a> {
     unit: Vec<u8>,
     /// Statistics by base unit.
     pub(crate) statistics: Vec<UnitStatistics>,
+    /// Importance of each voxel where another function shows its value; `None` if only what is shown counts.
+    emphasis: Option<Vec<f32>>,
 }
 
 /// Counts and extent of the visible voxels of a base unit.
@@ -27,7 +29,7 @@ pub(crate) struct UnitStatistics {
     pub(crate) visible: usize,
     /// Visible voxels outside the ranges of all base units; they belong to the nearest one.
     pub(crate) outside_ranges: usize,
-    /// Least and greatest visible voxel along each axis; `low > high` without visible voxels.
+    /// Least and greatest voxel along each axis that is visible or can be; `low > high` without any.
     low: UVec3,
     high: UVec3,
 }
@@ -45,7 +47,7 @@ impl UnitStatistics {
     }
 }
 
-/// Extinction of one base unit in the bounding box of its visible voxels. The box has a margin of one transparent voxel,
+/// Extinction of one base unit in the bounding box of its voxels that are visible or can be. The box has a margin of one transparent voxel,
 /// except at the border of the volume.
 pub(crate) struct Crop {
     /// The box's first voxel in the volume.
@@ -54,11 +56,13 @@ pub(crate) struct Crop {
     pub(crate) dims: UVec3,
     /// Extinction per world length, x fastest.
     pub(crate) extinction: Vec<f32>,
+    /// Importance of each voxel of the box where another function shows its value; empty if only what is shown counts.
+    pub(crate) emphasis: Vec<f32>,
 }
 
 impl<'a> Classification<'a> {
     /// Classifies every voxel. The classifier must have at most [`MAX_UNITS`] base units.
-    pub(crate) fn new(field: &'a Field, classifier: &'a Classifier) -> Self {
+    pub(crate) fn new(field: &'a Field, classifier: &'a Classifier, emphasis: Option<Vec<f32>>) -> Self {
         let grid = field.grid();
         let reference = grid.reference_length();
         let [nx, ny, _] = grid.dims();
@@ -82,13 +86,14 @@ impl<'a> Classification<'a> {
                         last = (value, extinction(classifier.opacity(raw), reference), of.unit, of.inside);
                     }
                     let (_, sigma, unit, inside) = last;
-                    if sigma > 0.0 {
-                        extinctions[x] = sigma;
-                        unit_of[x] = unit as u8;
+                    unit_of[x] = unit as u8;
+                    extinctions[x] = sigma;
+                    let is_visible = sigma > 0.0;
+                    if is_visible || emphasis.as_ref().is_some_and(|of| of[row * nx + x] > 0.0) {
                         let at = UVec3::new(x as u32, y as u32, z as u32);
-                        let outside_ranges = usize::from(!inside);
+                        let (visible, outside_ranges) = (usize::from(is_visible), usize::from(is_visible && !inside));
                         statistics[unit] =
-                            statistics[unit].merged(UnitStatistics { visible: 1, outside_ranges, low: at, high: at });
+                            statistics[unit].merged(UnitStatistics { visible, outside_ranges, low: at, high: at });
                     }
                 }
                 statistics
@@ -97,27 +102,31 @@ impl<'a> Classification<'a> {
                 || vec![UnitStatistics::NONE; units],
                 |a, b| a.into_iter().zip(b).map(|(a, b)| a.merged(b)).collect(),
             );
-        Self { field, classifier, extinction: extinctions, unit: unit_of, statistics }
+        Self { field, classifier, extinction: extinctions, unit: unit_of, statistics, emphasis }
     }
 
-    /// The visible part of one base unit; `None` if no voxel is visible.
+    /// The part of one base unit that is visible or can be; `None` if there is none.
     pub(crate) fn crop(&self, unit: usize) -> Option<Crop> {
-        let statistics = self.statistics.get(unit).filter(|c| c.visible > 0)?;
+        let statistics = self.statistics.get(unit).filter(|c| c.low.cmple(c.high).all())?;
         let all = UVec3::from_array(self.field.grid().dims().map(|d| d as u32));
         let first = statistics.low.saturating_sub(UVec3::ONE);
         let dims = (statistics.high + UVec3::splat(2)).min(all) - first;
         let (bx, by) = (dims.x as usize, dims.y as usize);
-        let mut extinction = vec![0.0_f32; bx * by * dims.z as usize];
-        extinction.par_chunks_mut(bx).enumerate().for_each(|(row, out)| {
-            let (y, z) = (row % by + first.y as usize, row / by + first.z as usize);
-            let start = self.field.grid().index(first.x as usize, y, z);
-            let sources = self.extinction[start..start + bx].iter().zip(&self.unit[start..start + bx]);
-            for (o, (&sigma, &u)) in out.iter_mut().zip(sources) {
-                if usize::from(u) == unit {
-                    *o = sigma;
+        let cropped = |all: &[f32]| {
+            let mut part = vec![0.0_f32; bx * by * dims.z as usize];
+            part.par_chunks_mut(bx).enumerate().for_each(|(row, out)| {
+                let (y, z) = (row % by + first.y as usize, row / by + first.z as usize);
+                let start = self.field.grid().index(first.x as usize, y, z);
+                let sources = all[start..start + bx].iter().zip(&self.unit[start..start + bx]);
+                for (o, (&x, &u)) in out.iter_mut().zip(sources) {
+                    if usize::from(u) == unit {
+                        *o = x;
+                    }
                 }
-            }
-        });
-        Some(Crop { first, dims, extinction })
+            });
+            part
+        };
+        let emphasis = self.emphasis.as_deref().map_or_else(Vec::new, cropped);
+        Some(Crop { first, dims, extinction: cropped(&self.extinction), emphasis })
     }
 }

@@ -8,6 +8,9 @@
 //! 2. Systematic sampling spreads the centres over the importance. Relaxation moves them to centroids of Voronoi cells.
 //! 3. Each cell becomes one Gaussian along the cell's principal axes. Boundary cells are flattened along the gradient.
 //!
+//! With an importance of what the transfer function hides, Gaussians also stand there, transparent. Every Gaussian keeps the values of
+//! its cell ([`sg_reclassify::sources`]), so another function gives it another look.
+//!
 //! The optical depth of a Gaussian's footprint equals that of its cell under the transfer function. At a clear boundary it is
 //! a fifth more, since a single layer is uneven. The colour is the mean of the cell. The normal points towards falling
 //! values. The units are drawn with the compensating pixel filter ([`Gaussians::antialiased`]): by the plain one, Gaussians
@@ -18,10 +21,12 @@ use std::time::Instant;
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
+use sg_reclassify::optical_depth::logit_of;
+use sg_reclassify::sources;
 use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::dvr::Material;
 use sg_volume::transfer::Problem;
-use sg_volume::{Field, Surfaceness, TransferFunction};
+use sg_volume::{Field, Surfaceness, TransferFunction, background_values};
 
 use crate::classification::{Classification, MAX_UNITS};
 use crate::importance::candidates;
@@ -30,7 +35,7 @@ use crate::shape::{GaussianBuilder, Splat};
 
 /// Revision of the method. It changes whenever the same volume and options give another scene, so that scenes of an earlier
 /// revision are not taken for the present one.
-pub const REVISION: u32 = 4;
+pub const REVISION: u32 = 5;
 /// Largest allowed number of Gaussians.
 pub const MAX_GAUSSIANS: usize = 1 << 26;
 
@@ -46,18 +51,23 @@ pub struct Options {
     pub flattening: f64,
     /// Importance of what its own unit hides, relative to what is seen, 0 to 1. With 0 nothing is placed there.
     pub interior: f64,
+    /// Importance of values that the transfer function hides, relative to what it shows, 0 to 1. With 0 nothing is placed there.
+    /// Otherwise other functions can show them ([`sg_reclassify`]).
+    pub hidden: f64,
     /// Rounds of relaxation after the sampling of the centres.
     pub relaxation_rounds: usize,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { gaussians: 100_000, seed: 0, flattening: 0.6, interior: 0.1, relaxation_rounds: 1 }
+        Self { gaussians: 100_000, seed: 0, flattening: 0.6, interior: 0.1, hidden: 0.0, relaxation_rounds: 1 }
     }
 }
 
 /// Standard deviation in voxels of the smoothing before gradients. Without it normals follow the noise of single voxels.
 const GRADIENT_SMOOTHING: f32 = 1.0;
+/// Importance of homogeneous values that another transfer function shows, relative to that of a clear boundary.
+const HOMOGENEOUS: f32 = 0.3;
 /// Distance from the world origin in volume diagonals. Beyond it the units' transform holds the centre of the volume, since
 /// f32 positions would lose digits.
 const DISTANT_DIAGONALS: f64 = 64.0;
@@ -103,6 +113,8 @@ pub struct UnitReport {
     pub name: String,
     /// Gaussians made.
     pub gaussians: usize,
+    /// Those that the transfer function hides.
+    pub hidden: usize,
     /// Voxels with an opacity above 0.
     pub visible_voxels: usize,
     /// Its share of the importance of all units.
@@ -180,6 +192,9 @@ pub enum DirectError {
     /// The importance of the interior is outside its range.
     #[error("an interior of {0}; give a number from 0 to 1")]
     Interior(f64),
+    /// The importance of hidden values is outside its range.
+    #[error("an importance of {0} for hidden values; give a number from 0 to 1")]
+    Hidden(f64),
     /// The nearest-neighbour search could not be set up.
     #[error("the placement failed: {0}")]
     Placement(#[from] PlacementError),
@@ -205,6 +220,9 @@ pub fn direct_start(
     if !(0.0..=1.0).contains(&options.interior) {
         return Err(DirectError::Interior(options.interior));
     }
+    if !(0.0..=1.0).contains(&options.hidden) {
+        return Err(DirectError::Hidden(options.hidden));
+    }
     let classifier = function.classifier(field.range())?;
     let count = classifier.unit_count();
     if count > MAX_UNITS {
@@ -220,7 +238,10 @@ pub fn direct_start(
 
     stage("classifying voxels");
     let clock = Instant::now();
-    let classification = Classification::new(field, &classifier);
+    let smooth = field.smoothed(GRADIENT_SMOOTHING);
+    let surfaceness = Surfaceness::new(field, &classifier);
+    let emphasis = (options.hidden > 0.0).then(|| emphasis_of_values(field, &smooth, &surfaceness));
+    let classification = Classification::new(field, &classifier, emphasis);
     let visible_voxels = classification.statistics.iter().map(|c| c.visible).sum();
     let range = field.range();
     if visible_voxels == 0 {
@@ -231,15 +252,17 @@ pub fn direct_start(
             non_finite: range.non_finite,
         });
     }
-    let smooth = field.smoothed(GRADIENT_SMOOTHING);
-    let surfaceness = Surfaceness::new(field, &classifier);
     seconds.classify = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
     let mut found = Vec::with_capacity(count);
     for unit in 0..count {
         stage("computing importance");
-        found.push(classification.crop(unit).map(|crop| candidates(&crop, field.grid(), options.interior as f32)));
+        found.push(
+            classification
+                .crop(unit)
+                .map(|crop| candidates(&crop, field.grid(), options.interior as f32, options.hidden as f32)),
+        );
     }
     seconds.importance = clock.elapsed().as_secs_f64();
     let totals: Vec<f64> = found.iter().map(|c| c.as_ref().map_or(0.0, |c| c.total)).collect();
@@ -266,6 +289,7 @@ pub fn direct_start(
                 smooth: &smooth,
                 surfaceness: &surfaceness,
                 flattening: options.flattening,
+                keeps_hidden: options.hidden > 0.0,
             };
             splats = (0..cells.len())
                 .into_par_iter()
@@ -286,7 +310,7 @@ pub fn direct_start(
             classification.statistics[unit].visible,
             palette,
         ));
-        units.push(base_unit(name, &splats, palette, shift));
+        units.push(BaseUnit { values: Some([range.low, range.high]), ..base_unit(name, &splats, palette, shift) });
     }
     let bounds = field.grid().bounds();
     let scene = Scene::compose(units, Some(SceneBox { min: bounds.min, max: bounds.max }));
@@ -324,6 +348,24 @@ fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
     shares
 }
 
+/// Importance of each voxel where another transfer function shows its value, 0 to 1: boundaries count most, and the values of the
+/// empty space around the subject do not count.
+fn emphasis_of_values(field: &Field, smooth: &Field, surfaceness: &Surfaceness) -> Vec<f32> {
+    let [low, high] = background_values(field).unwrap_or([f64::NAN; 2]);
+    let [nx, ny, _] = field.grid().dims();
+    let emphasis = |i: usize| {
+        let raw = field.raw(i);
+        if !raw.is_finite() {
+            return 0.0;
+        }
+        let (x, y, z) = (i % nx, i / nx % ny, i / nx / ny);
+        let boundary = surfaceness.at(raw, smooth.gradient_at(x, y, z).length());
+        let inside = if low <= raw && raw <= high { 0.0 } else { HOMOGENEOUS };
+        inside + (1.0 - HOMOGENEOUS) * boundary
+    };
+    (0..field.grid().len()).into_par_iter().with_min_len(1024).map(emphasis).collect()
+}
+
 /// The offset for the units' transform: the centre of a distant volume, else 0.
 fn distant_offset(field: &Field) -> DVec3 {
     let bounds = field.grid().bounds();
@@ -338,10 +380,11 @@ fn unit_name(function: &TransferFunction, unit: usize) -> String {
     }
 }
 
-/// Mean colour weighted by importance; mid grey without Gaussians.
+/// Mean colour of what is visible, weighted by importance; mid grey where nothing is.
 fn mean_color(splats: &[Splat]) -> Vec3 {
-    let weight: f64 = splats.iter().map(|s| s.weight).sum();
-    let sum: DVec3 = splats.iter().map(|s| s.color.as_dvec3() * s.weight).sum();
+    let visible = || splats.iter().filter(|s| s.opacity > 0.0);
+    let weight: f64 = visible().map(|s| s.weight).sum();
+    let sum: DVec3 = visible().map(|s| s.color.as_dvec3() * s.weight).sum();
     if weight > 0.0 { (sum / weight).as_vec3() } else { Vec3::splat(0.5) }
 }
 
@@ -349,7 +392,7 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
     let column = |f: fn(&Material) -> f32| -> Vec<f32> {
         splats.iter().map(|s| f(&Material::STANDARD.with_surfaceness(s.surfaceness))).collect()
     };
-    let gaussians = Gaussians {
+    let mut gaussians = Gaussians {
         position: splats.iter().map(|s| (s.position - shift).as_vec3()).collect(),
         rotation: splats
             .iter()
@@ -360,7 +403,7 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
             .map(|s| s.scale.to_array().map(f64::ln))
             .map(|s| DVec3::from_array(s).as_vec3())
             .collect(),
-        opacity_logit: splats.iter().map(|s| (s.opacity.ln() - (-s.opacity).ln_1p()) as f32).collect(),
+        opacity_logit: splats.iter().map(|s| logit_of(s.opacity)).collect(),
         shading: Some(ShadingColumns {
             offset_color: splats.iter().map(|s| s.color - palette).collect(),
             normal: splats.iter().map(|s| s.normal).collect(),
@@ -373,16 +416,18 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
         extra: Vec::new(),
         antialiased: true,
     };
+    sources::store(&splats.iter().map(|s| s.source).collect::<Vec<_>>(), &mut gaussians);
     let transform = DMat4::from_translation(shift);
     BaseUnit { palette, transform, oriented_normals: true, ..BaseUnit::new(name, gaussians) }
 }
 
 impl UnitReport {
     fn new(name: &str, splats: &[Splat], field: &Field, share: f64, visible_voxels: usize, palette: Vec3) -> Self {
-        let n = splats.len().max(1) as f64;
-        let mean = |f: &dyn Fn(&Splat) -> f64| splats.iter().map(f).sum::<f64>() / n;
+        let visible: Vec<&Splat> = splats.iter().filter(|s| s.opacity > 0.0).collect();
+        let n = visible.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&Splat) -> f64| visible.iter().map(|s| f(s)).sum::<f64>() / n;
         let median = |f: &dyn Fn(&Splat) -> f64| {
-            let mut values: Vec<f64> = splats.iter().map(f).collect();
+            let mut values: Vec<f64> = visible.iter().map(|s| f(s)).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or(0.0)
         };
@@ -391,6 +436,7 @@ impl UnitReport {
         Self {
             name: name.to_owned(),
             gaussians: splats.len(),
+            hidden: splats.len() - visible.len(),
             visible_voxels,
             importance_share: share,
             importance_captured: if weight > 0.0 { captured / weight } else { 0.0 },

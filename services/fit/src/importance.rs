@@ -19,6 +19,8 @@ pub(crate) struct Candidate {
     pub(crate) voxel: u32,
     /// Importance, above 0.
     pub(crate) weight: f32,
+    /// What of it is for other transfer functions: the least importance of each part of the voxel.
+    pub(crate) least: f32,
 }
 
 /// The candidates of one base unit along a Morton curve: neighbours in the list are neighbours in space.
@@ -62,8 +64,9 @@ impl Candidates {
 }
 
 /// Computes the importance of the voxels of a base unit. It is the opacity over one voxel, times the transmittance of the
-/// same unit along the clearest direction, which counts as at least `interior`. Boundaries of the opacity get more weight.
-pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32) -> Candidates {
+/// same unit along the clearest direction, which counts as at least `interior`. Boundaries of the opacity get more weight. Values of
+/// which another function may show more have at least their emphasis times `hidden`.
+pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32, hidden: f32) -> Candidates {
     let step = |d: [i32; 3]| grid.vector_to_world(DVec3::from_array(d.map(f64::from))).length() as f32;
     let mut emphasis = least_optical_depth(&crop.extinction, crop.dims, step);
     let voxel_side = grid.voxel_volume().cbrt() as f32;
@@ -81,17 +84,22 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32) -> Candidates 
             *e = (-*e).exp().max(interior) * (1.0 + BOUNDARY_GAIN * boundary);
         }
     });
-    let weights: Vec<f32> = emphasis.par_iter().enumerate().map(|(at, e)| e * opacity(at)).collect();
+    let weights: Vec<f32> = emphasis
+        .par_iter()
+        .enumerate()
+        .map(|(at, e)| (e * opacity(at)).max(hidden * crop.emphasis.get(at).copied().unwrap_or(0.0)))
+        .collect();
     let greatest = weights.par_iter().copied().reduce(|| 0.0, f32::max);
     let mut list = Vec::new();
     let mut total = 0.0;
     in_morton_order(crop.dims, &mut |x, y, z| {
-        let weight = weights[(x + crop.dims.x * (y + crop.dims.y * z)) as usize];
+        let at = (x + crop.dims.x * (y + crop.dims.y * z)) as usize;
+        let weight = weights[at];
         if weight > LEAST_SHARE * greatest {
             let p = crop.first + UVec3::new(x, y, z);
             // A grid has fewer than 2³² voxels.
             let voxel = grid.index(p.x as usize, p.y as usize, p.z as usize) as u32;
-            list.push(Candidate { voxel, weight });
+            list.push(Candidate { voxel, weight, least: hidden * crop.emphasis.get(at).copied().unwrap_or(0.0) });
             total += f64::from(weight);
         }
     });
@@ -155,8 +163,8 @@ mod tests {
                 if inside(i % 16) && inside(i / 16 % 16) && inside(i / 256) { 2.0 } else { 0.0 }
             })
             .collect();
-        let crop = Crop { first: UVec3::ZERO, dims, extinction };
-        let c = candidates(&crop, &grid, 0.0);
+        let crop = Crop { first: UVec3::ZERO, dims, extinction, emphasis: Vec::new() };
+        let c = candidates(&crop, &grid, 0.0, 0.0);
         let weight = |x: usize| {
             let voxel = grid.index(x, 8, 8) as u32;
             c.list.iter().find(|c| c.voxel == voxel).map_or(0.0, |c| c.weight)
@@ -170,7 +178,7 @@ mod tests {
         let sum: f64 = c.list.iter().map(|c| f64::from(c.weight)).sum();
         assert!((sum - c.total).abs() < 1e-9 * sum);
         // What is hidden keeps the share that is asked for.
-        let c = candidates(&crop, &grid, 0.1);
+        let c = candidates(&crop, &grid, 0.1, 0.0);
         let core = c.list.iter().find(|c| c.voxel == grid.index(7, 8, 8) as u32).unwrap();
         assert!((core.weight - 0.1 * (1.0 - (-2.0_f32).exp())).abs() < 1e-6, "{}", core.weight);
     }

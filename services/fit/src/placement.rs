@@ -106,7 +106,8 @@ impl Points {
             .map(|i| {
                 let voxel = part_position(candidates.list[i / cubed], field, parts, (i % cubed) as u32);
                 let sigma = field.sample(voxel).map_or(0.0, extinction_at);
-                let weight = candidates.importance_at(voxel, sigma) / cubed as f32;
+                let least = candidates.list[i / cubed].least;
+                let weight = candidates.importance_at(voxel, sigma).max(least) / cubed as f32;
                 ((voxel * spacing).as_vec3().to_array(), weight)
             })
             .unzip();

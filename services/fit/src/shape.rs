@@ -1,8 +1,10 @@
 //! The Gaussian of a cell: position, axes, opacity, colour and normal.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
+use sg_reclassify::optical_depth::opacity_of;
+use sg_reclassify::sources::Source;
 use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
 use sg_volume::opacity::extinction;
 use sg_volume::{Field, Surfaceness};
@@ -23,9 +25,6 @@ const SURFACE_DEPTH: f64 = 0.2;
 const LEAST_RATIO: f64 = 0.2;
 /// Largest length of an axis, relative to the next one.
 const MOST_RATIO: f64 = 3.0;
-/// Largest opacity of a Gaussian: 1 has no logit.
-pub(crate) const MAX_OPACITY: f64 = 0.995;
-
 /// One Gaussian, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Splat {
@@ -43,6 +42,8 @@ pub(crate) struct Splat {
     pub(crate) weight: f64,
     /// Share of that importance within two standard deviations.
     pub(crate) captured: f64,
+    /// What it keeps of the volume.
+    pub(crate) source: Source,
 }
 
 /// Builds the Gaussians of cells.
@@ -54,6 +55,8 @@ pub(crate) struct GaussianBuilder<'a> {
     pub(crate) surfaceness: &'a Surfaceness,
     /// Thickness along the gradient at a clear boundary, relative to that of the cell.
     pub(crate) flattening: f64,
+    /// Whether cells without visible opacity become Gaussians too.
+    pub(crate) keeps_hidden: bool,
 }
 
 /// Sums over the pieces of a cell.
@@ -68,6 +71,17 @@ struct Moments {
     gradient_length: f64,
     /// Relative rise of the value across one voxel.
     rise: f64,
+    /// Volume in voxels, and the mean and the sum of squared deviations of the raw values in it (Welford 1962).
+    volume: f64,
+    value: f64,
+    squares: f64,
+}
+
+impl Moments {
+    /// Length of the mean gradient over the mean length of the gradients.
+    fn consistency(&self) -> f64 {
+        self.gradient.length() / self.gradient_length.max(f64::MIN_POSITIVE)
+    }
 }
 
 impl GaussianBuilder<'_> {
@@ -97,9 +111,15 @@ impl GaussianBuilder<'_> {
                 sums.gradient += w * gradient.as_dvec3();
                 sums.gradient_length += w * f64::from(gradient.length());
                 sums.rise += w * f64::from(self.surfaceness.rise(raw, gradient.length()));
+                if raw.is_finite() && piece.share > 0.0 {
+                    sums.volume += piece.share;
+                    let step = raw - sums.value;
+                    sums.value += step * piece.share / sums.volume;
+                    sums.squares += piece.share * step * (raw - sums.value);
+                }
             });
         }
-        if !(sums.weight > 0.0 && sums.integrated_extinction > 0.0) {
+        if !(sums.weight > 0.0 && (sums.integrated_extinction > 0.0 || self.keeps_hidden)) {
             return None;
         }
         let mean = sums.position / sums.weight;
@@ -113,7 +133,8 @@ impl GaussianBuilder<'_> {
         let scale = lengths * (OVERLAP_CLEAR + (OVERLAP_OPAQUE - OVERLAP_CLEAR) * smoothstep(1.0, 5.0, density));
         // Along its shortest axis, the optical depth of a Gaussian of opacity o integrates to 2π·s₁·s₂·Li₂(o) over the
         // image. Away from surfaces this integral must equal the integrated extinction of the cell.
-        let depth = sums.integrated_extinction * (1.0 + SURFACE_DEPTH * surfaceness);
+        let depth_factor = 1.0 + SURFACE_DEPTH * surfaceness;
+        let depth = sums.integrated_extinction * depth_factor;
         let opacity = opacity_of(depth / (TAU * scale.x * scale.y));
         let rotation = DQuat::from_mat3(&oriented(axes, normal));
         let captured = self.captured(members, points, list, mean, rotation, scale) / sums.weight;
@@ -127,6 +148,14 @@ impl GaussianBuilder<'_> {
             surfaceness: surfaceness as f32,
             weight: sums.weight,
             captured,
+            source: Source {
+                value: sums.value,
+                spread: (sums.squares / sums.volume.max(f64::MIN_POSITIVE)).sqrt(),
+                gradient: sums.gradient.length() / sums.weight * grid.voxel_volume().cbrt(),
+                consistency: sums.consistency(),
+                surfaceness,
+                depth: sums.volume * grid.voxel_volume() / reference * depth_factor / (TAU * scale.x * scale.y),
+            },
         })
     }
 
@@ -168,18 +197,15 @@ impl GaussianBuilder<'_> {
         inside
     }
 
-    /// The unit normal towards falling values, and the surfaceness of the cell. A surface has consistent gradients that are
-    /// strong relative to the value range.
+    /// The unit normal towards falling values, and the surfaceness of the cell.
     fn normal_and_surfaceness(&self, sums: &Moments) -> (DVec3, f64) {
         let normal = (-sums.gradient).normalize_or_zero();
         // For a constant field the gradient is rounding noise of the smoothing.
         if normal == DVec3::ZERO || sums.rise <= 0.0 {
             return (DVec3::ZERO, 0.0);
         }
-        let consistency = sums.gradient.length() / sums.gradient_length.max(f64::MIN_POSITIVE);
-        let rise = consistency * sums.rise / sums.weight;
-        let surfaceness = smoothstep(0.2, 0.7, consistency) * f64::from(Surfaceness::of_rise(rise as f32));
-        (normal, surfaceness)
+        let consistency = sums.consistency();
+        (normal, Surfaceness::of_part(consistency, consistency * sums.rise / sums.weight))
     }
 }
 
@@ -223,59 +249,11 @@ fn principal_axes(m: DMat3) -> ([f64; 3], DMat3) {
     (order.map(|k| values[k]), DMat3::from_cols(x, y, z))
 }
 
-/// The opacity o with Li₂(o) = x, at most [`MAX_OPACITY`].
-fn opacity_of(x: f64) -> f64 {
-    if x >= dilogarithm(MAX_OPACITY) {
-        return MAX_OPACITY;
-    }
-    // Li₂ is convex and above the identity on [0, 1], so Newton steps from the right end stay inside.
-    let mut o = x.min(MAX_OPACITY);
-    for _ in 0..32 {
-        let step = (dilogarithm(o) - x) / (-(-o).ln_1p() / o.max(1e-300));
-        let next = (o - step).clamp(0.0, MAX_OPACITY);
-        if (next - o).abs() <= 1e-12 * o {
-            break;
-        }
-        o = next;
-    }
-    o
-}
-
-/// Li₂(x) = Σ xᵏ/k² for 0 ≤ x < 1: the integral of the optical depth −ln(1 − x·e^−u) over u from 0 to ∞.
-fn dilogarithm(x: f64) -> f64 {
-    if x > 0.5 {
-        return PI * PI / 6.0 - x.ln() * (-x).ln_1p() - dilogarithm(1.0 - x);
-    }
-    let mut power = x;
-    let mut sum = 0.0;
-    for k in 1..60 {
-        let term = power / f64::from(k * k);
-        sum += term;
-        if term < 1e-17 * sum {
-            break;
-        }
-        power *= x;
-    }
-    sum
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    #[test]
-    fn the_dilogarithm_is_the_integral_of_the_optical_depth() {
-        for o in [0.0, 0.1, 0.5, 0.9, 0.995] {
-            let (mut sum, h) = (0.0, 1e-4);
-            for i in 0..400_000 {
-                let u = (f64::from(i) + 0.5) * h;
-                sum -= (-o * (-u).exp()).ln_1p() * h;
-            }
-            assert!((dilogarithm(o) - sum).abs() < 1e-6, "{o}: {} {sum}", dilogarithm(o));
-        }
-    }
 
     #[test]
     fn axes_are_limited() {
@@ -286,11 +264,6 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn opacity_inverts_the_dilogarithm(o in 1e-9..MAX_OPACITY) {
-            prop_assert!((opacity_of(dilogarithm(o)) / o - 1.0).abs() < 1e-6);
-        }
-
         #[test]
         fn principal_axes_rebuild_the_matrix(
             q in prop::array::uniform4(-1.0..1.0_f64),

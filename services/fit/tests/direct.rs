@@ -214,6 +214,8 @@ fn invalid_input_is_refused() {
     assert_eq!(direct_start(&volume, &ball_function(), &thick, |_| {}), Err(DirectError::Flattening(0.0)));
     let inside = Options { interior: 1.5, ..Options::default() };
     assert_eq!(direct_start(&volume, &ball_function(), &inside, |_| {}), Err(DirectError::Interior(1.5)));
+    let hidden = Options { hidden: -0.5, ..Options::default() };
+    assert_eq!(direct_start(&volume, &ball_function(), &hidden, |_| {}), Err(DirectError::Hidden(-0.5)));
     let mut many = ball_function();
     many.base_units = (0..256).map(|i| BaseUnitRange { name: i.to_string(), range: [0.0, 255.0] }).collect();
     assert_eq!(start(&volume, &many, 10), Err(DirectError::TooManyUnits(256)));
@@ -280,4 +282,87 @@ fn a_fitted_body_encloses_its_volume() {
     let scene = start(&raster.volume().unwrap().to_field(), &phantom::transfer_function(), 30_000).unwrap().scene;
     let share = measured(&scene).enclosed / (truth * (scene.bounds.longest_edge() / 96.0).powi(3));
     assert!((0.55..1.15).contains(&share), "{share}");
+}
+
+/// A core of value 200 in a shell of value 100.
+fn nested() -> Field {
+    field(Grid::unit([32; 3]).unwrap(), |p| {
+        let r = (p - 15.5).length();
+        (100.0 * (13.0 - r).clamp(0.0, 1.0) + 100.0 * (6.0 - r).clamp(0.0, 1.0)) as f32
+    })
+}
+
+#[test]
+fn gaussians_of_hidden_values_wait_for_another_function() {
+    let core = function(&[(140.0, [1.0, 0.2, 0.2], 0.0), (190.0, [1.0, 0.2, 0.2], 0.8)], &[]);
+    let whole = function(&[(40.0, [0.2, 0.4, 1.0], 0.0), (90.0, [0.2, 0.4, 1.0], 0.5)], &[]);
+    let (volume, options) = (nested(), Options { gaussians: 4000, hidden: 0.3, ..Options::default() });
+    let DirectStart { mut scene, report } = direct_start(&volume, &core, &options, |_| {}).unwrap();
+    let radius = |scene: &Scene, i: usize| (scene.position(i).unwrap() - 15.5).length();
+    let opacity = |scene: &Scene, i: usize| scene.units[0].gaussians.opacity(i);
+    let outside: Vec<usize> = (0..scene.len()).filter(|&i| (8.0..12.0).contains(&radius(&scene, i))).collect();
+    assert!(outside.len() > 400 && report.units[0].hidden >= outside.len(), "{} {report:?}", outside.len());
+    assert!(outside.iter().all(|&i| opacity(&scene, i) < 1e-6), "hidden until then");
+    // They belong to nothing that is shown.
+    let all = direct_start(&volume, &core, &Options { hidden: 0.0, ..options }, |_| {}).unwrap();
+    assert!((scene.units[0].palette - all.scene.units[0].palette).length() < 0.02);
+    assert_eq!((all.report.units[0].hidden, all.report.visible_voxels), (0, report.visible_voxels));
+
+    let before = scene.units[0].gaussians.clone();
+    sg_reclassify::reclassify(&mut scene.units[0], &whole).unwrap();
+    let shown = outside.iter().filter(|&&i| opacity(&scene, i) > 0.2).count();
+    assert!(shown > outside.len() * 3 / 4, "{shown} of {}", outside.len());
+    let after = &scene.units[0].gaussians;
+    assert_eq!(
+        (&before.position, &before.rotation, &before.log_scale),
+        (&after.position, &after.rotation, &after.log_scale)
+    );
+    let blue = scene.units[0].palette + after.shading.as_ref().unwrap().offset_color[outside[0]];
+    assert!((blue - Vec3::new(0.2, 0.4, 1.0)).length() < 0.02, "{blue}");
+}
+
+#[test]
+fn the_own_function_gives_back_the_direct_start() {
+    let volume = VesselTree::new().rasterize(48, 3).unwrap().volume().unwrap().to_field();
+    let f = phantom::transfer_function();
+    let started = start(&volume, &f, 3000).unwrap().scene;
+    let mut again = started.clone();
+    sg_reclassify::reclassify(&mut again.units[0], &f).unwrap();
+    let (before, after) = (&started.units[0].gaussians, &again.units[0].gaussians);
+    let mean = |of: &dyn Fn(usize) -> f64| (0..before.len()).map(of).sum::<f64>() / before.len() as f64;
+    let opacities = mean(&|i| f64::from((before.opacity(i) - after.opacity(i)).abs()));
+    let (a, b) = (before.shading.as_ref().unwrap(), after.shading.as_ref().unwrap());
+    let colors = mean(&|i| f64::from((a.offset_color[i] - b.offset_color[i]).length()));
+    let diffuse = (0..before.len()).map(|i| (a.diffuse[i] - b.diffuse[i]).abs()).fold(0.0, f32::max);
+    assert!(opacities < 0.03 && colors < 1e-3 && diffuse < 1e-4, "{opacities} {colors} {diffuse}");
+}
+
+#[test]
+fn what_training_changed_stays_under_its_own_function() {
+    let volume = VesselTree::new().rasterize(48, 3).unwrap().volume().unwrap().to_field();
+    let f = phantom::transfer_function();
+    let classifier = f.classifier(volume.range()).unwrap();
+    let started = start(&volume, &f, 2000).unwrap().scene;
+    let mut trained = started.clone();
+    let gaussians = &mut trained.units[0].gaussians;
+    for i in 0..gaussians.len() {
+        let wave = (i as f32).sin();
+        gaussians.opacity_logit[i] += 0.3 * wave;
+        gaussians.log_scale[i] += 0.1 * wave;
+        let color = &mut gaussians.shading.as_mut().unwrap().offset_color[i];
+        *color = (*color + 0.05 * wave).clamp(-started.units[0].palette, 1.0 - started.units[0].palette);
+    }
+    let palette = trained.units[0].palette;
+    let first = &started.units[0].gaussians;
+    sg_reclassify::sources::follow_training(&mut trained.units[0].gaussians, first, palette, &classifier);
+    let mut again = trained.clone();
+    sg_reclassify::reclassify(&mut again.units[0], &f).unwrap();
+    let (before, after) = (&trained.units[0].gaussians, &again.units[0].gaussians);
+    let same = |i: &usize| {
+        let (a, b) = (before.shading.as_ref().unwrap(), after.shading.as_ref().unwrap());
+        (before.opacity(*i) - after.opacity(*i)).abs() < 2e-3
+            && (a.offset_color[*i] - b.offset_color[*i]).length() < 1e-4
+    };
+    // Gaussians that the function nearly hides could have any factor, so theirs is bounded.
+    assert!((0..before.len()).filter(same).count() > before.len() * 95 / 100);
 }

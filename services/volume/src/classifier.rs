@@ -107,8 +107,27 @@ impl Classifier {
         matches!(self.scale, Scale::Linear).then_some((self.shift, self.factor))
     }
 
+    /// Scaled values of the control points, increasing, and their colours and opacities; at least one.
+    pub(crate) fn control_points(&self) -> (&[f64], &[(Vec3, f32)]) {
+        (&self.knots, &self.samples)
+    }
+
+    /// Least and greatest scaled value.
+    pub(crate) fn scaled_domain(&self) -> [f64; 2] {
+        self.domain.map(|x| self.scale.apply(x))
+    }
+
+    /// The domain in raw values.
+    pub(crate) fn raw_domain(&self) -> [f64; 2] {
+        // A factor of 0 takes every value of a constant volume to the same one.
+        if self.factor == 0.0 {
+            return [f64::NEG_INFINITY, f64::INFINITY];
+        }
+        self.domain.map(|x| x / self.factor + self.shift)
+    }
+
     /// Colour and opacity at a scaled value.
-    fn at(&self, x: f64) -> (Vec3, f32) {
+    pub(crate) fn at(&self, x: f64) -> (Vec3, f32) {
         let after = self.knots.partition_point(|&k| k <= x);
         match (after.checked_sub(1).and_then(|i| self.samples.get(i)), self.samples.get(after)) {
             (None, Some(&first)) => first,

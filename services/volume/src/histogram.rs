@@ -10,6 +10,9 @@ pub const BINS: usize = 256;
 /// Least share of the voxels in a material; fewer are noise.
 const LEAST_SHARE: f64 = 2e-4;
 
+/// A value is part of the background if it is more frequent than the background's most frequent one over this number.
+const FREQUENT: u64 = 20;
+
 /// An automatic transfer function is not possible.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AutomaticError {
@@ -132,6 +135,23 @@ fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
         }
     }
     Ok((low, high))
+}
+
+/// The values of the empty space around a subject, noise included: those around the most frequent value on the outer faces, as
+/// far as they are frequent in the whole volume. `None` if all values are equal or none is finite.
+#[must_use]
+pub fn background_values(field: &Field) -> Option<[f64; 2]> {
+    let (low, high) = robust_range(field).ok()?;
+    let histogram = Histogram::of(field, low, high);
+    let middle = background_bin(field, &histogram);
+    let least = histogram.counts.get(middle)? / FREQUENT;
+    let is_frequent = |bin: &usize| histogram.counts.get(*bin).is_some_and(|count| *count > least);
+    let first = (0..=middle).rev().take_while(is_frequent).last().unwrap_or(middle);
+    let last = (middle..BINS).take_while(is_frequent).last().unwrap_or(middle);
+    // The bins at the ends count what lies beyond them too.
+    let low = if first == 0 { f64::NEG_INFINITY } else { histogram.border(first) };
+    let high = if last + 1 == BINS { f64::INFINITY } else { histogram.border(last + 1) };
+    Some([low, high])
 }
 
 /// The most frequent bin on the outer faces of the volume. In a thin volume all voxels count.

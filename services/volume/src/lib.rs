@@ -24,6 +24,7 @@
 //! # }
 //! ```
 
+pub mod averages;
 pub mod classifier;
 mod classifier_table;
 pub mod dvr;
@@ -44,7 +45,7 @@ pub mod world_frame;
 pub use classifier::{BaseUnitMatch, Classifier};
 pub use field::Field;
 pub use grid::{Bounds, Grid};
-pub use histogram::automatic_transfer_function;
+pub use histogram::{automatic_transfer_function, background_values};
 pub use read::{
     ENDINGS, Limits, ReadError, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name,
     read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,

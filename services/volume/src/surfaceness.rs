@@ -8,6 +8,9 @@ const NOISE: f32 = 0.004;
 /// Rise across one voxel from which a gradient counts as a clear boundary.
 const BOUNDARY: f32 = 0.03;
 
+/// Consistency up to which gradients point anywhere, and from which they point to one side.
+const CONSISTENT: [f64; 2] = [0.2, 0.7];
+
 /// From gradients of one field to surfaceness under one transfer function: 0 for homogeneous values and noise, 1 for a clear
 /// boundary. Normalised gradients of noise point anywhere, so shading by them glitters. Kniss et al. (2003, "A model for volume
 /// lighting and modeling", section 3.1) mix shaded and unshaded colours by such a weight.
@@ -29,8 +32,14 @@ impl Surfaceness {
     /// The values of the field on the scale of the transfer function, within its domain, are the range that rises refer to.
     #[must_use]
     pub fn new(field: &Field, classifier: &Classifier) -> Self {
-        let [low, high] = [field.range().low, field.range().high].map(|raw| classifier.scaled(raw));
-        let edge = field.grid().voxel_volume().cbrt();
+        Self::of_range([field.range().low, field.range().high], field.grid().voxel_volume().cbrt(), classifier)
+    }
+
+    /// That of a field with these least and greatest raw values and voxels of this edge. With an edge of 1, gradients are in raw
+    /// units per voxel.
+    #[must_use]
+    pub fn of_range(values: [f64; 2], edge: f64, classifier: &Classifier) -> Self {
+        let [low, high] = values.map(|raw| classifier.scaled(raw));
         let factor = if high > low { edge / (high - low) } else { 0.0 };
         let slope = match classifier.linear() {
             Some((_, slope)) => Slope::Constant((factor * slope) as f32),
@@ -58,6 +67,14 @@ impl Surfaceness {
         }
         let t = ((rise - NOISE) / (BOUNDARY - NOISE)).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
+    }
+
+    /// The surfaceness of a part of the volume. `consistency` is the length of its mean gradient over the mean length, and `rise`
+    /// is that of the mean gradient. A surface has gradients that point to one side and are strong.
+    #[must_use]
+    pub fn of_part(consistency: f64, rise: f64) -> f64 {
+        let t = ((consistency - CONSISTENT[0]) / (CONSISTENT[1] - CONSISTENT[0])).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t) * f64::from(Self::of_rise(rise as f32))
     }
 
     /// The surfaceness at a place with this value and this length of the gradient.

@@ -19,10 +19,10 @@ use sg_proto::prost::{Message as _, Name};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Changes, Color, Command, CommitSelection, DeleteGaussians, DeleteUnit, DuplicateGaussians, Event, MergeUnits,
-    NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground,
-    SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Target,
-    TransformGaussians, Undo, Vector,
+    Changes, Color, Command, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit, DuplicateGaussians, Event,
+    MergeUnits, NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select,
+    SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction, SetView,
+    SetVisibility, ShowOnly, Target, TransferFunction, TransformGaussians, Undo, ValueScale, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -501,6 +501,19 @@ fn some_commands() -> Vec<Command> {
         }),
         Action::DuplicateGaussians(DuplicateGaussians { target: selection(), name: String::new() }),
         Action::DuplicateGaussians(DuplicateGaussians { target: on(&["bone"]), name: "twin".to_owned() }),
+        Action::SetTransferFunction(SetTransferFunction::default()),
+        Action::SetTransferFunction(SetTransferFunction {
+            function: Some(TransferFunction {
+                low: 1.0,
+                high: 1000.0,
+                normalized: false,
+                scale: ValueScale::Log10.into(),
+                points: vec![
+                    ControlPoint { value: 10.0, color: red, opacity: 0.0 },
+                    ControlPoint { value: 100.0, color: red, opacity: 0.8 },
+                ],
+            }),
+        }),
     ];
     let numbered = (1..).zip(actions);
     numbered.map(|(n, action)| Command { id: format!("c{n}"), expected_revision: 0, action: Some(action) }).collect()

@@ -10,7 +10,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteGaussians, RestoreGaussians, SetVisibility, Undo, Vector};
 
 use super::question::{Question, hold, refused_as, soon};
-use super::scene::{named, shift};
+use super::scene::{named, shift, show_from};
 use super::stage::{Stage, decode};
 use super::{Checks, Subject, content};
 use crate::Picture;
@@ -37,6 +37,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("shows at least the revision asked for", at_least(stage).await);
     checks.note("does not draw what is deleted", deleted(stage).await);
     checks.note("draws Gaussians where they are", moved(stage).await);
+    checks.note("draws what a transfer function shows", transfer_function(stage).await);
     checks.note("measures what units cover", measures(stage).await);
     checks.note("keeps to clips", clips(stage).await);
     checks.note("leaves the background out where asked", transparent(stage).await);
@@ -123,6 +124,23 @@ async fn moved(stage: &mut Stage<'_>) -> Result<(), String> {
     let hidden = picture(stage, revision).await?;
     hold(away.hash == hidden.hash, || "a unit that is far away is still in the picture".to_owned())?;
     let revision = stage.change(Action::Undo(Undo { steps: 3 })).await?.revision;
+    hold(picture(stage, revision).await?.hash == whole.hash, || "undo does not bring the picture back".to_owned())
+}
+
+async fn transfer_function(stage: &mut Stage<'_>) -> Result<(), String> {
+    let picture = async |stage: &Stage<'_>, at_least_revision| {
+        capture(stage, &CaptureRequest { at_least_revision, ..small() }).await
+    };
+    let whole = picture(stage, 0).await?;
+    let revision = stage.change(show_from(300.0)).await?.revision;
+    let nothing = picture(stage, revision).await?;
+    hold(nothing.coverage == 0.0, || format!("coverage {} where the function hides all values", nothing.coverage))?;
+    let revision = stage.change(show_from(100.0)).await?.revision;
+    let sac = picture(stage, revision).await?;
+    hold(sac.coverage > 0.0 && sac.coverage < whole.coverage, || {
+        format!("coverage {} of one ball of two, which cover {}", sac.coverage, whole.coverage)
+    })?;
+    let revision = stage.change(Action::Undo(Undo { steps: 2 })).await?.revision;
     hold(picture(stage, revision).await?.hash == whole.hash, || "undo does not bring the picture back".to_owned())
 }
 

@@ -4,9 +4,10 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, DeleteGaussians, DuplicateGaussians, FilesRequest,
-    MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLock,
-    SetOpacity, SetTone, State, Target, TransformGaussians, Undo, Vector,
+    Changes, ChangesRequest, Color, Command, CommandResult, ControlPoint, DeleteGaussians, DuplicateGaussians,
+    FilesRequest, MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor,
+    SetLock, SetOpacity, SetTone, SetTransferFunction, State, Target, TransferFunction, TransformGaussians, Undo,
+    ValueScale, Vector,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -46,6 +47,16 @@ pub(super) fn shift(name: &str, x: f64) -> Action {
     Action::TransformGaussians(TransformGaussians { target: named(name), shift, ..TransformGaussians::default() })
 }
 
+/// Shows values of the volume from `low` on.
+pub(super) fn show_from(low: f64) -> Action {
+    let point =
+        |value, opacity| ControlPoint { value, color: Some(Color { red: 0.9, green: 0.8, blue: 0.2 }), opacity };
+    let points = vec![point(low, 0.0), point(low, 0.6)];
+    let function =
+        TransferFunction { low: -200.0, high: 400.0, normalized: false, scale: ValueScale::Linear.into(), points };
+    Action::SetTransferFunction(SetTransferFunction { function: Some(function) })
+}
+
 pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("tells and shows an accepted change", change(stage).await);
     checks.note("refuses what does not fit the scene", misfits(stage).await);
@@ -56,6 +67,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("moves, turns and scales what it is told to", moves(stage).await);
     checks.note("duplicates Gaussians and takes the copies away", duplicates(stage).await);
     checks.note("merges units and changes tones", merges(stage).await);
+    checks.note("takes another transfer function", transfer_functions(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
     checks.note("sends its files to other machines", files(stage).await);
     checks.note("keeps what it acknowledged through kill -9", kept(stage).await);
@@ -207,6 +219,32 @@ async fn merges(stage: &mut Stage<'_>) -> Result<(), String> {
     stage.change(Action::Undo(Undo { steps: 5 })).await?;
     let undone = of(&stage.scene_state().await?);
     hold(undone == before, || format!("undo left {undone:?}"))
+}
+
+async fn transfer_functions(stage: &mut Stage<'_>) -> Result<(), String> {
+    let shown = async |stage: &Stage<'_>| {
+        let whole = changes(stage, ChangesRequest { from: 0, snapshot: true }).await?.snapshot;
+        Ok::<_, String>(whole.ok_or("no snapshot where one was asked for")?.transfer_function)
+    };
+    let Action::SetTransferFunction(set) = show_from(100.0) else { return Err("another action".to_owned()) };
+    let before = shown(stage).await?;
+    stage.change(Action::SetTransferFunction(set.clone())).await?;
+    hold(shown(stage).await? == set.function, || "the scene has another function than the one it took".to_owned())?;
+    stage.kill_and_serve().await?;
+    hold(shown(stage).await? == set.function, || "the function is lost in a restart".to_owned())?;
+    let mut unordered = set.clone();
+    unordered.function.iter_mut().for_each(|f| f.points.reverse());
+    unordered.function.iter_mut().flat_map(|f| f.points.first_mut()).for_each(|p| p.value += 1.0);
+    let id = stage.new_id();
+    let refused =
+        Command { id: id.clone(), expected_revision: 0, action: Some(Action::SetTransferFunction(unordered)) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &refused), &id).await, &[Code::InvalidArgument])?;
+    stage.change(Action::SetLock(SetLock { target: named("sac"), locked: true })).await?;
+    let id = stage.new_id();
+    let locked = Command { id: id.clone(), expected_revision: 0, action: Some(Action::SetTransferFunction(set)) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &locked), &id).await, &[Code::FailedPrecondition])?;
+    stage.change(Action::Undo(Undo { steps: 2 })).await?;
+    hold(shown(stage).await? == before, || "undo left another function".to_owned())
 }
 
 async fn moves(stage: &mut Stage<'_>) -> Result<(), String> {

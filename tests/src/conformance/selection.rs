@@ -18,7 +18,7 @@ use sg_proto::selection::{
 };
 
 use super::question::{Question, hold, refused_as, soon};
-use super::scene::{named, shift};
+use super::scene::{named, shift, show_from};
 use super::stage::{Stage, decode};
 use super::{Checks, Subject, content};
 use crate::small_scene::{GAUSSIANS, SAC, STROKE};
@@ -64,6 +64,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("answers a walk at every scale", answers(stage).await);
     checks.note("says where a next stroke would tell most", proposes(stage).await);
     checks.note("leaves out what is hidden", hidden(stage).await);
+    checks.note("leaves out what the transfer function hides", hidden_by_function(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
     checks.note("goes on where it was after kill -9", goes_on(stage).await);
 }
@@ -174,6 +175,23 @@ async fn operations(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(both.selected == GAUSSIANS as u64 + tube.selected, || {
         format!("{} selected: a unit by name and {} by a stroke", both.selected, tube.selected)
     })
+}
+
+async fn hidden_by_function(stage: &mut Stage<'_>) -> Result<(), String> {
+    for mode in [StrokeMode::Point, StrokeMode::Cluster, StrokeMode::Walk] {
+        let shown = draw(stage, &strokes(mode, true)).await?;
+        stage.change(show_from(300.0)).await?;
+        let none = draw(stage, &strokes(mode, true)).await?;
+        hold(none.selected == 0 && shown.selected > 0, || {
+            format!("{mode:?}: {} selected of {} that the function hides", none.selected, shown.selected)
+        })?;
+        let all = draw(stage, &StrokesRequest { include_hidden: true, ..strokes(mode, true) }).await?;
+        hold(all.selected == shown.selected, || {
+            format!("{mode:?}: {} selected with what is hidden, {} while it was shown", all.selected, shown.selected)
+        })?;
+        stage.change(Action::Undo(Undo { steps: 3 })).await?;
+    }
+    Ok(())
 }
 
 /// Selections leave out hidden Gaussians, but for those selected before and those of a request that includes them.

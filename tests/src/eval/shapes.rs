@@ -327,6 +327,7 @@ impl Columns {
             shading: ShadingModel::Paper,
             oriented_normals: true,
             transfer_function: None,
+            values: None,
         }
     }
 }

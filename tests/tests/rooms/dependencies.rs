@@ -7,11 +7,12 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 15] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 16] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
     ("sg-formats", &[]),
+    ("sg-reclassify", &[]),
     ("sg-edit", &[]),
     ("sg-volume", &[]),
     ("sg-fit", &[]),

@@ -327,25 +327,26 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 28] = [
+const MAP: [(&str, &str, &[&str]); 29] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
     ("services/runtime", "sg-runtime", &["sg-input", "sg-proto"]),
     ("services/scene/model", "sg-scene", &["sg-input"]),
     ("services/scene/formats", "sg-formats", &["sg-input", "sg-scene"]),
-    ("services/scene/edit", "sg-edit", &["sg-input", "sg-proto", "sg-scene"]),
+    ("services/scene/reclassify", "sg-reclassify", &["sg-scene", "sg-volume"]),
+    ("services/scene/edit", "sg-edit", &["sg-input", "sg-proto", "sg-reclassify", "sg-scene", "sg-volume"]),
     (
         "services/scene/service",
         "supergaussian-scene",
         &["sg-edit", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-scene"],
     ),
     ("services/volume", "sg-volume", &["sg-input"]),
-    ("services/fit", "sg-fit", &["sg-formats", "sg-gpu", "sg-raster", "sg-scene", "sg-volume"]),
+    ("services/fit", "sg-fit", &["sg-formats", "sg-gpu", "sg-raster", "sg-reclassify", "sg-scene", "sg-volume"]),
     (
         "services/fit/service",
         "supergaussian-fit",
-        &["sg-confinement", "sg-fit", "sg-formats", "sg-input", "sg-runtime", "sg-scene", "sg-volume"],
+        &["sg-confinement", "sg-fit", "sg-formats", "sg-input", "sg-reclassify", "sg-runtime", "sg-scene", "sg-volume"],
     ),
     ("services/selection/walk", "sg-walk", &["sg-scene"]),
     ("services/selection/clusters", "sg-clusters", &["sg-formats", "sg-input", "sg-scene", "sg-walk"]),
@@ -359,6 +360,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-formats",
             "sg-input",
             "sg-proto",
+            "sg-reclassify",
             "sg-runtime",
             "sg-scene",
             "sg-selection",
@@ -387,6 +389,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-input",
             "sg-proto",
             "sg-raster",
+            "sg-reclassify",
             "sg-scene",
             "sg-selection",
             "sg-volume",
@@ -402,6 +405,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-input",
             "sg-proto",
             "sg-raster",
+            "sg-reclassify",
             "sg-runtime",
             "sg-scene",
             "sg-viewer",
@@ -427,6 +431,7 @@ const MAP: [(&str, &str, &[&str]); 28] = [
             "sg-language",
             "sg-proto",
             "sg-raster",
+            "sg-reclassify",
             "sg-runtime",
             "sg-scene",
             "sg-selection",

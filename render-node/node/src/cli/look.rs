@@ -17,6 +17,7 @@ use sg_raster::occlusion::ambient_occlusion;
 use sg_raster::outline::{OutlineStyle, draw_outlines};
 use sg_raster::pick;
 use sg_raster::render::{Options, Rendered};
+use sg_reclassify::reclassify_scene;
 use sg_scene::appearance::{Appearance, Clip, Overlay};
 use sg_scene::camera::{Camera, Light, LightMode};
 use sg_scene::framing;
@@ -27,11 +28,12 @@ use super::failure::Failure;
 use super::names::{BackendName, LightName};
 use super::show;
 use super::values::{Background, backdrop};
+use super::volume::read_transfer_function;
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;
 
-/// The scene of the command; prints its warnings.
+/// The scene of the command under its transfer function; prints its warnings.
 pub(super) fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
     let options = LoadOptions {
         convention: picture.convention.map(Into::into),
@@ -42,7 +44,13 @@ pub(super) fn read_scene(picture: &Picture) -> Result<Scene, Failure> {
     for warning in &loaded.warnings {
         print::status(&format!("warning: {warning}"));
     }
-    Ok(loaded.scene)
+    let mut scene = loaded.scene;
+    if let Some(file) = &picture.transfer_function {
+        let function = read_transfer_function(file)?;
+        reclassify_scene(&mut scene, &function)
+            .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())))?;
+    }
+    Ok(scene)
 }
 
 /// The appearance before it is known from where it is seen.

@@ -56,7 +56,8 @@ struct VolumeReport<'a> {
 
 /// Whether the command draws a volume.
 pub(super) fn is_asked(picture: &Picture) -> bool {
-    picture.transfer_function.is_some() || !Format::is_scene_path(&picture.scene) && is_volume_path(&picture.scene)
+    let is_named = picture.transfer_function.is_some() || is_volume_path(&picture.scene);
+    is_named && !Format::is_scene_path(&picture.scene)
 }
 
 impl SeenVolume {
@@ -146,6 +147,11 @@ fn function(picture: &Picture, volume: &Volume, field: &Field) -> Result<Transfe
         return automatic_transfer_function(field, volume.variable())
             .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())));
     };
+    read_transfer_function(path)
+}
+
+/// The transfer function of a file; prints its unknown keys.
+pub(super) fn read_transfer_function(path: &Path) -> Result<TransferFunction, Failure> {
     let loaded = TransferFunction::load(path).map_err(Failure::input)?;
     for key in &loaded.ignored_keys {
         print::status(&format!("note: {}: the unknown key `{key}` is ignored", path.display()));

@@ -64,7 +64,7 @@ impl SceneFollower {
     /// them. Returns the newest scene that is known, once, and does not wait.
     pub fn follow(&mut self, state: &Arc<EditState>, is_draft: bool) -> Option<FollowedScene> {
         let (asked, was_draft) = &self.asked;
-        let is_same = asked.is_placed_as(state);
+        let is_same = asked.has_scene_of(state);
         if !is_same || (*was_draft && !is_draft) {
             self.worker.submit(Job { state: Arc::clone(state), is_draft });
             self.asked = (Arc::clone(state), is_draft);

@@ -35,6 +35,7 @@
 mod commands;
 mod control;
 mod display_options;
+mod function;
 mod history;
 mod icon;
 mod keyboard;
@@ -65,6 +66,8 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
+use function::VolumeValues;
+
 pub(crate) use commands::{
     crop_to_selection, delete_selection, duplicate_selection, frame_selection, select_visible, turn_up,
 };
@@ -86,11 +89,13 @@ impl Panels {
         Self { host, ..Self::default() }
     }
 
-    /// Reads the transfer functions behind a scene's base units, for plots beside them. `path` is the scene's source.
+    /// Reads the transfer functions behind a scene's base units, for plots beside them, and the values of its volume. `path` is
+    /// the scene's source, and `scene` is as its file has it.
     /// Returns the read errors, a line each.
     pub fn behind(&mut self, scene: &Scene, path: &Path) -> Vec<String> {
-        let (curves, problems) = transfer::curves(scene, path);
-        self.curves = curves;
+        let (functions, problems) = transfer::functions(scene, path);
+        self.volume = VolumeValues::of(scene, &functions);
+        self.functions = functions;
         problems
     }
 

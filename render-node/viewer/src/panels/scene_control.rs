@@ -10,7 +10,7 @@ use super::state::Panels;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
-    /// Scene control: light, viewpoint, history, and display options; in a headset also units.
+    /// Scene control: transfer function, light, viewpoint, history, and display options; in a headset also units.
     pub const SCENE: Self = Self {
         name: "scene",
         title: "Scene control",
@@ -47,6 +47,9 @@ impl Panels {
             self.structures(ui, state, output);
         }
         section(ui, "What is shown", is_window, |ui| self.what_is_shown(ui, state, tools));
+        if state.services.scene && self.has_volume() {
+            section(ui, "Transfer function", is_window, |ui| self.transfer_function(ui, state, output));
+        }
         if state.services.scene {
             section(ui, "Light and background", false, |ui| self.light(ui, state, tools, output));
         }

@@ -1,15 +1,17 @@
 //! The state of panels from frame to frame.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use sg_edit::UnitRef;
 use sg_proto::scene::command::Action;
 use sg_raster::attributes;
+use sg_volume::TransferFunction;
 
+use super::function::{FunctionState, VolumeValues};
 use super::last_turn::LastTurn;
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
-use super::transfer::Curve;
 use crate::display::ParameterDrag;
 
 /// State of the panels from frame to frame.
@@ -23,7 +25,11 @@ pub struct Panels {
     pub switches_surroundings: bool,
     /// Legend of the current colours, if they stand for a number.
     pub numbers: Option<attributes::Legend>,
-    pub(super) curves: Vec<Option<Curve>>,
+    /// Transfer function of each base unit of the file.
+    pub(super) functions: Vec<Option<TransferFunction>>,
+    /// The volume behind the scene, if Gaussians keep its values.
+    pub(super) volume: Option<Arc<VolumeValues>>,
+    pub(super) function: FunctionState,
     pub(super) chosen: Option<UnitRef>,
     /// Further units that a merge takes, in the order in which they were pressed.
     pub(super) joined: Vec<UnitRef>,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use egui::epaint::{Mesh, Vertex, WHITE_UV};
-use egui::{Align2, Color32, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2};
+use egui::{Align2, Color32, Painter, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2};
 use glam::Vec3;
 use sg_scene::model::Scene;
 use sg_volume::scalars::ValueRange;
@@ -51,8 +51,28 @@ impl Curve {
         })
     }
 
+    /// The curve of one base unit: that of its file's function, or of the one in its place.
+    pub(super) fn shown(file: &TransferFunction, other: Option<&TransferFunction>, unit: &str) -> Option<Self> {
+        let Some(other) = other else { return Self::of(file, unit) };
+        // The ranges of base units are in the units of the file's function.
+        let base_units = if other.units == file.units { file.base_units.clone() } else { Vec::new() };
+        Self::of(&TransferFunction { variable: file.variable.clone(), base_units, ..other.clone() }, unit)
+    }
+
+    /// The value at a position on the axis, 0 to 1.
+    pub(super) fn value(&self, place: f64) -> f64 {
+        let [low, high] = self.domain.map(|x| self.scale.apply(x));
+        unscaled(self.scale, low + (high - low) * place)
+    }
+
+    /// The colour of a value.
+    pub(super) fn color(&self, value: f64) -> Vec3 {
+        let at = (self.place(value) * STEPS as f32).round() as usize;
+        self.samples.get(at).map_or(Vec3::ZERO, |(color, _)| *color)
+    }
+
     /// Position of a value on the axis, 0 to 1.
-    fn place(&self, value: f64) -> f32 {
+    pub(super) fn place(&self, value: f64) -> f32 {
         let [low, high] = self.domain.map(|x| self.scale.apply(x));
         let at = self.scale.apply(value.clamp(self.domain[0], self.domain[1]));
         ((at - low) / (high - low)) as f32
@@ -74,10 +94,21 @@ impl Curve {
         let painter = ui.painter_at(whole);
         let visuals = ui.visuals();
         painter.rect_filled(plot, 4.0, visuals.extreme_bg_color);
-        let at = |x: f32, y: f32| {
-            let inner = plot.shrink(2.0);
-            pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height())
-        };
+        let inner = plot.shrink(2.0);
+        let at = |x: f32, y: f32| pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height());
+        self.paint(&painter, inner, visuals.text_color());
+        if let Some(range) = self.range {
+            for end in range {
+                let x = self.place(end);
+                painter.line_segment([at(x, 0.0), at(x, 1.0)], Stroke::new(1.0, visuals.hyperlink_color));
+            }
+        }
+        self.paint_ends(ui, &painter, plot);
+    }
+
+    /// Draws the colours below the curve, and the curve.
+    pub(super) fn paint(&self, painter: &Painter, inner: Rect, line: Color32) {
+        let at = |x: f32, y: f32| pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height());
         let mut mesh = Mesh::default();
         let mut edge = Vec::with_capacity(self.samples.len());
         for (k, (color, opacity)) in self.samples.iter().enumerate() {
@@ -97,14 +128,13 @@ impl Curve {
             }
         }
         painter.add(Shape::mesh(mesh));
-        painter.add(Shape::line(edge, Stroke::new(1.5, visuals.text_color())));
-        if let Some(range) = self.range {
-            for end in range {
-                let x = self.place(end);
-                painter.line_segment([at(x, 0.0), at(x, 1.0)], Stroke::new(1.0, visuals.hyperlink_color));
-            }
-        }
-        let weak = visuals.weak_text_color();
+        painter.add(Shape::line(edge, Stroke::new(1.5, line)));
+    }
+
+    /// Writes the ends of the domain and what lies between below a plot.
+    pub(super) fn paint_ends(&self, ui: &Ui, painter: &Painter, plot: Rect) {
+        let small = TextStyle::Small.resolve(ui.style());
+        let weak = ui.visuals().weak_text_color();
         let below = |x: Align2, at: f32, text: String| {
             painter.text(pos2(at, plot.bottom() + 1.0), x, text, small.clone(), weak);
         };
@@ -137,13 +167,13 @@ pub(crate) fn to_color32(rgb: Vec3) -> Color32 {
 /// The transfer functions behind a scene's base units, in scene order, `None` for units without one. Also returns the read
 /// errors, a line each. `path` is the scene's source.
 #[must_use]
-pub fn curves(scene: &Scene, path: &Path) -> (Vec<Option<Curve>>, Vec<String>) {
+pub fn functions(scene: &Scene, path: &Path) -> (Vec<Option<TransferFunction>>, Vec<String>) {
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
     let mut problems = Vec::new();
-    let mut curve = |unit: &sg_scene::model::BaseUnit| {
+    let mut function = |unit: &sg_scene::model::BaseUnit| {
         let file = folder.join(unit.transfer_function.as_ref()?);
         match TransferFunction::load(&file) {
-            Ok(loaded) => Curve::of(&loaded.function, &unit.name),
+            Ok(loaded) => Some(loaded.function),
             Err(error) => {
                 let problem = format!("no transfer function is shown for {}: {error}", unit.name);
                 problems.push(problem);
@@ -151,6 +181,6 @@ pub fn curves(scene: &Scene, path: &Path) -> (Vec<Option<Curve>>, Vec<String>) {
             }
         }
     };
-    let curves = scene.units.iter().map(&mut curve).collect();
-    (curves, problems)
+    let functions = scene.units.iter().map(&mut function).collect();
+    (functions, problems)
 }

@@ -14,6 +14,7 @@ use super::output::{Output, PanelHost};
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use super::text_input::{Field, FieldEvent};
+use super::transfer::Curve;
 use super::{commands, theme};
 use crate::display::ViewState;
 use crate::display::number_format::{count, percent};
@@ -292,7 +293,8 @@ impl Panels {
         };
         ui.label(RichText::new(format!("{what}, {} Gaussians ({})", count(members), percent(share))).weak());
         if let UnitRef::Base(i) = row.unit
-            && let Some(Some(curve)) = self.curves.get(i)
+            && let Some(Some(file)) = self.functions.get(i)
+            && let Some(curve) = Curve::shown(file, state.scene.transfer_function().map(|f| &**f), &row.name)
         {
             curve.show(ui, &row.name);
         }

@@ -170,7 +170,7 @@ impl Preview {
         if !is_known {
             found = Mask::empty(selected.len());
         }
-        found.intersect_with(&if *include_hidden { scene.existing() } else { scene.visible() });
+        found.intersect_with(&if *include_hidden { scene.existing() } else { scene.visible_in(geometry) });
         let inside = found.count();
         let mut after = Mask::clone(selected);
         match sign {

@@ -1,6 +1,6 @@
 //! The transfer functions behind base units.
 
-use sg_viewer::panels::transfer::{Curve, curves};
+use sg_viewer::panels::transfer::{Curve, functions};
 use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Units};
 
 use crate::stage::scene;
@@ -37,12 +37,12 @@ fn a_curve_runs_evenly_over_the_scaled_domain() {
 #[test]
 fn an_unreadable_transfer_function_is_reported_and_not_shown() {
     let folder = tempfile::tempdir().unwrap();
-    let (none, problems) = curves(&scene(), &folder.path().join("scene.toml"));
+    let (none, problems) = functions(&scene(), &folder.path().join("scene.toml"));
     assert_eq!(none, [None, None]);
     assert_eq!(problems.len(), 2);
     assert!(problems[0].contains("vessel") && problems[0].contains("tf.json"), "{problems:?}");
     std::fs::write(folder.path().join("tf.json"), function(Scale::Linear, [0.0, 1.0]).to_json().unwrap()).unwrap();
     // The scene may be named by its folder.
-    let (some, problems) = curves(&scene(), folder.path());
+    let (some, problems) = functions(&scene(), folder.path());
     assert!(some.iter().all(Option::is_some) && problems.is_empty());
 }

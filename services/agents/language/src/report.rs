@@ -104,6 +104,7 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         }
         Action::MergeUnits(_) => format!("{} Ctrl+Z takes it back.", sentence(&result.summary)),
         Action::SetTone(set) => tone::report(set, before),
+        Action::SetTransferFunction(_) => sentence(&result.summary),
         Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
     }
 }

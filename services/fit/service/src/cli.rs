@@ -18,6 +18,7 @@ use sg_formats::{check_scene_target, staged_file};
 use sg_input::number_format::grouped;
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
+use sg_reclassify::sources;
 use sg_scene::model::Scene;
 use sg_volume::{
     Field, Limits, TransferFunction, automatic_transfer_function, formats_help, lacks_spacing, read_spaced_volume,
@@ -72,7 +73,7 @@ struct FitArgs {
     initial_only: bool,
     /// Scene of the same volume to train further, in place of a direct start: the `scene.toml` of an earlier run, or of the step
     /// before in a series.
-    #[arg(long, value_name = "scene.toml", conflicts_with_all = ["initial_only", "gaussians", "flattening", "interior"])]
+    #[arg(long, value_name = "scene.toml", conflicts_with_all = ["initial_only", "gaussians", "flattening", "interior", "hidden"])]
     start: Option<PathBuf>,
     #[command(flatten)]
     training: TrainingArgs,
@@ -90,8 +91,12 @@ struct FitArgs {
     flattening: f64,
     /// Importance of what its own base unit hides, relative to what is seen. Fading and cuts show it. With 0 nothing is placed
     /// there.
-    #[arg(long, value_name = "S", default_value_t = Options::default().interior, value_parser = interior)]
+    #[arg(long, value_name = "S", default_value_t = Options::default().interior, value_parser = importance)]
     interior: f64,
+    /// Importance of values that the transfer function hides, relative to what it shows. Other transfer functions can show them
+    /// then. With 0 nothing is placed there.
+    #[arg(long, value_name = "S", default_value_t = Options::default().hidden, value_parser = importance)]
+    hidden: f64,
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none. Label volumes get the same.
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     spacing: Option<DVec3>,
@@ -145,7 +150,7 @@ fn flattening(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|&f| f > 0.0 && f <= 1.0).ok_or_else(|| "give a number above 0 and at most 1".to_owned())
 }
 
-fn interior(text: &str) -> Result<f64, String> {
+fn importance(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|s| (0.0..=1.0).contains(s)).ok_or_else(|| "give a number from 0 to 1".to_owned())
 }
 
@@ -231,6 +236,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         seed: args.seed,
         flattening: args.flattening,
         interior: args.interior,
+        hidden: args.hidden,
         ..Options::default()
     };
     let keeping = match &args.keep_in {
@@ -257,8 +263,13 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None
     } else {
         let classifier = function.classifier(field.range()).map_err(|e| input(format!("{}: {e}", path.display())))?;
-        let trained = args.training.run(&mut scene, (&field, &classifier), args.seed, args.progress_lines);
-        Some(trained.map_err(|e| work(format!("{}: {e}", path.display())))?)
+        let start = scene.clone();
+        let report = args.training.run(&mut scene, (&field, &classifier), args.seed, args.progress_lines);
+        let report = report.map_err(|e| work(format!("{}: {e}", path.display())))?;
+        for (trained, start) in scene.units.iter_mut().zip(&start.units) {
+            sources::follow_training(&mut trained.gaussians, &start.gaussians, trained.palette, &classifier);
+        }
+        Some(report)
     };
     // Labels come before any output, so a wrong label volume leaves no partial result.
     let truth = labels

@@ -128,9 +128,12 @@ pub(crate) fn key(
         hasher.update(&(size as u64).to_le_bytes());
     }
     let geometry = [grid.spacing(), grid.origin()].into_iter().flat_map(|v| v.to_array());
-    for number in
-        geometry.chain(grid.direction().to_cols_array()).chain([field.offset(), options.flattening, options.interior])
-    {
+    for number in geometry.chain(grid.direction().to_cols_array()).chain([
+        field.offset(),
+        options.flattening,
+        options.interior,
+        options.hidden,
+    ]) {
         hasher.update(&number.to_le_bytes());
     }
     // A scene without directions and unit keeps the key that it had before scenes stored them.
@@ -181,6 +184,7 @@ mod tests {
             key(&field(1), none, &function, &Options { seed: 7, ..options }),
             key(&field(1), none, &function, &Options { flattening: 0.5, ..options }),
             key(&field(1), none, &function, &Options { interior: 0.5, ..options }),
+            key(&field(1), none, &function, &Options { hidden: 0.5, ..options }),
         ];
         for other in others {
             assert_ne!(other.unwrap(), one);

@@ -13,6 +13,9 @@ const DECAYS: [f32; 2] = [0.9, 0.999];
 const EPSILON: f32 = 1e-15;
 /// Bounds of the logit of the opacity. Beyond, its derivatives vanish.
 const LOGITS: [f32; 2] = [-9.0, 9.0];
+
+/// Logit of an opacity up to which a Gaussian is hidden on purpose.
+const HIDDEN_LOGIT: f32 = -15.0;
 /// Bounds of ln β.
 const LOG_SHININESS: [f32; 2] = [0.0, 5.3];
 
@@ -252,7 +255,10 @@ impl Row {
             }
         };
         unit(&mut self.numbers[6..10]);
-        self.numbers[10] = self.numbers[10].clamp(LOGITS[0], LOGITS[1]);
+        // What the transfer function hides stays hidden: it is far below, and no step reaches it.
+        if self.numbers[10] > HIDDEN_LOGIT {
+            self.numbers[10] = self.numbers[10].clamp(LOGITS[0], LOGITS[1]);
+        }
         for (number, palette) in self.numbers[11..14].iter_mut().zip(self.palette.to_array()) {
             *number = number.clamp(-palette, (1.0 - palette).max(-palette));
         }

@@ -8,9 +8,11 @@ use sg_scene::camera::Light;
 use sg_scene::mask::Mask;
 use sg_scene::orientation::Axis;
 use sg_scene::view::View;
+use sg_volume::TransferFunction;
 
 use super::duplicates::{self, Duplicate};
 use super::placement::{self, Placement};
+use super::reclassification;
 use super::state::{BaseUnitState, EditState, Selection, Unit};
 
 /// One value as it stands after a change.
@@ -38,6 +40,8 @@ pub enum Change {
     View(View),
     /// The direction that is up; `None` for the file's own.
     Up(Option<Axis>),
+    /// The transfer function in place of the file's; `None` for that of the file.
+    TransferFunction(Option<Arc<TransferFunction>>),
     /// The shown part of the shading.
     Term(ShadingTerm),
     /// Names of the units that the last command addressed.
@@ -107,6 +111,7 @@ impl EditState {
             Change::Background(color) => self.background = color,
             Change::View(view) => self.view = view,
             Change::Up(up) => self.up = up,
+            Change::TransferFunction(function) => self.transfer_function = function,
             Change::Term(term) => self.term = term,
             Change::Focus(names) => self.focus = names,
         }
@@ -161,6 +166,10 @@ impl EditState {
         }
         if self.up != after.up {
             changes.push(Change::Up(after.up));
+        }
+        let functions = [self, after].map(|state| state.transfer_function.as_ref());
+        if !reclassification::same(functions[0], functions[1]) {
+            changes.push(Change::TransferFunction(after.transfer_function.clone()));
         }
         if self.term != after.term {
             changes.push(Change::Term(after.term));

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
+use sg_reclassify::sources;
 use sg_scene::mask::Mask;
 use sg_scene::model::{BaseUnit, Convention, Gaussians, Harmonics, Scene, SceneBox, ShadingColumns, ShadingModel};
 use sg_scene::recolor::{BRIGHTNESS, KEPT, recolored};
@@ -92,7 +93,14 @@ impl EditState {
                 let given = self.units.get(&part.color).and_then(|unit| unit.color);
                 let color = given.or_else(|| base.tint(look.palette));
                 let named = self.units.get(&part.name).map_or(&look.name, |unit| &unit.name);
-                let gaussians = painted(base.gaussians.rows(&rows), base.shading, look.palette, color);
+                let mut gaussians = base.gaussians.rows(&rows);
+                // A later transfer function leaves colours of people as they are.
+                if color.is_some() || !part.tone().is_neutral() {
+                    sources::forget(&mut gaussians);
+                } else {
+                    sources::shift_colors(&mut gaussians, look.palette - base.palette);
+                }
+                let gaussians = painted(gaussians, base.shading, look.palette, color);
                 let palette = color.unwrap_or(look.palette);
                 let (gaussians, palette) = toned(gaussians, base.shading, palette, part.tone());
                 units.push(BaseUnit {

@@ -224,6 +224,7 @@ impl Editor {
             Action::MergeUnits(a) => transaction.merge_units(a)?,
             Action::SetTone(a) => transaction.set_tone(a)?,
             Action::DuplicateGaussians(a) => transaction.duplicate_gaussians(a)?,
+            Action::SetTransferFunction(a) => transaction.set_transfer_function(a)?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),
@@ -280,6 +281,7 @@ fn snapshot_bytes(state: &EditState) -> usize {
         + state.selection.bytes()
         + names
         + 128 * state.placements.len()
+        + 64 * state.transfer_function.as_ref().map_or(0, |function| function.points.len())
         + state.geometry.path.len()
         + (64 << 10)
 }

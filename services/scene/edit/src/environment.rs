@@ -133,7 +133,7 @@ impl Transaction<'_> {
     }
 
     /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
-    /// Gaussians stay deleted, moved ones stay where they are, copies stay, and locked units keep their look.
+    /// Gaussians stay deleted, moved ones stay where they are, copies stay, and locked units keep their look. While one is locked, the transfer function stays too.
     pub(super) fn reset(&mut self) -> String {
         for i in 0..self.state.base.len() {
             let initial = self.initial.base.get(self.state.file_unit(i)).cloned();
@@ -145,6 +145,9 @@ impl Transaction<'_> {
         self.state.units.retain(|_, unit| !unit.derived || unit.locked);
         for unit in self.state.units.values_mut().filter(|unit| !unit.locked) {
             (unit.color, unit.opacity, unit.visible, unit.tone) = (None, 1.0, true, Tone::NEUTRAL);
+        }
+        if !self.state.names().any(|(_, unit)| self.state.is_locked(unit)) {
+            self.state.transfer_function = None;
         }
         self.state.light = self.initial.light;
         self.state.background = self.initial.background;

@@ -1,6 +1,7 @@
 //! Refusals of commands. A refused command changes nothing and is not stored.
 
 use sg_proto::bus::Code;
+use sg_reclassify::ReclassifyError;
 
 use sg_scene::view::ViewError;
 
@@ -106,6 +107,9 @@ pub enum EditError {
         /// The cause and the accepted values.
         reason: String,
     },
+    /// The scene cannot have another transfer function.
+    #[error(transparent)]
+    Reclassify(#[from] ReclassifyError),
     /// A limit on a number of things is reached.
     #[error("there would be more than {limit} {what}; {remedy}")]
     TooMany {
@@ -146,7 +150,8 @@ impl EditError {
             | Self::NothingToUndo
             | Self::NothingToRedo
             | Self::RevisionConflict { .. }
-            | Self::SelectionConflict { .. } => Code::FailedPrecondition,
+            | Self::SelectionConflict { .. }
+            | Self::Reclassify(_) => Code::FailedPrecondition,
             Self::OutOfRange { .. } | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => {
                 Code::OutOfRange
             }

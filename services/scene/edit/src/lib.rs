@@ -53,6 +53,7 @@ mod names;
 mod placed_scene;
 mod placement;
 mod reach;
+mod reclassification;
 mod replica;
 mod state;
 mod target;

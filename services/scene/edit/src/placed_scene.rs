@@ -1,11 +1,12 @@
-//! The scene of a file as the edits of a state place its Gaussians.
+//! The scene of a file as the edits of a state place and colour its Gaussians.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use sg_scene::model::{BaseUnit, Scene};
 
-use super::duplicates::{self, Duplicate};
+use super::duplicates;
 use super::placement::{self, Placement};
+use super::reclassification;
 use super::state::EditState;
 
 impl EditState {
@@ -15,10 +16,12 @@ impl EditState {
         &self.placements
     }
 
-    /// Whether both states of a scene have the same Gaussians, at the same places.
+    /// Whether both states have the same scene: Gaussians at the same places, under one transfer function.
     #[must_use]
-    pub fn is_placed_as(&self, other: &Self) -> bool {
-        self.has_gaussians_of(other) && placement::same(&self.placements, &other.placements)
+    pub fn has_scene_of(&self, other: &Self) -> bool {
+        self.has_gaussians_of(other)
+            && placement::same(&self.placements, &other.placements)
+            && reclassification::same(self.transfer_function(), other.transfer_function())
     }
 
     /// Whether both states of a scene have the same Gaussians: the file's and the same copies.
@@ -29,7 +32,7 @@ impl EditState {
 
     /// Whether the scene of this state is that of its file.
     pub(crate) fn is_as_in_file(&self) -> bool {
-        self.duplicates.is_empty() && self.placements.is_empty()
+        self.duplicates.is_empty() && self.placements.is_empty() && self.transfer_function.is_none()
     }
 
     /// Number of Gaussians that are not where the file has them.
@@ -39,18 +42,16 @@ impl EditState {
     }
 }
 
-/// The newest scene with its copies and placements.
+/// The newest scene, and a state that has it.
 #[derive(Debug)]
 struct Newest {
-    duplicates: Arc<[Duplicate]>,
-    placements: Arc<[Placement]>,
+    state: EditState,
     scene: Arc<Scene>,
 }
 
 impl Newest {
     fn of(state: &EditState, scene: &Arc<Scene>) -> Self {
-        let (duplicates, placements) = (Arc::clone(state.duplicates()), Arc::clone(state.placements()));
-        Self { duplicates, placements, scene: Arc::clone(scene) }
+        Self { state: state.clone(), scene: Arc::clone(scene) }
     }
 }
 
@@ -80,8 +81,9 @@ impl PlacedScene {
         &self.file
     }
 
-    /// The scene as `state` has it. Where nothing was moved or copied it is the file's own. Else all columns are copied, once for
-    /// each change of places and copies: that takes milliseconds for 100,000 Gaussians.
+    /// The scene as `state` has it. Where nothing was moved or copied, under the transfer function of the file, it is the file's own.
+    /// Else all columns are copied, once for each change of places, copies and function: that takes milliseconds for 100,000
+    /// Gaussians.
     #[must_use]
     pub fn of(&self, state: &EditState) -> Arc<Scene> {
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
@@ -89,11 +91,7 @@ impl PlacedScene {
             *newest = None;
             return Arc::clone(&self.file);
         }
-        let known = |known: &&Newest| {
-            duplicates::same(&known.duplicates, &state.duplicates)
-                && placement::same(&known.placements, &state.placements)
-        };
-        if let Some(Newest { scene, .. }) = newest.as_ref().filter(known) {
+        if let Some(Newest { scene, .. }) = newest.as_ref().filter(|known| known.state.has_scene_of(state)) {
             return Arc::clone(scene);
         }
         // The former copy goes first: two would take its memory twice.
@@ -104,10 +102,14 @@ impl PlacedScene {
     }
 }
 
-/// The scene of a file with the copies of `state` and all Gaussians where it has them.
+/// The scene of a file with the copies of `state` and all Gaussians where it has them, under its transfer function.
 #[must_use]
 pub(crate) fn placed(scene: &Scene, state: &EditState) -> Scene {
     let mut placed = scene.clone();
+    if let Some(function) = state.transfer_function() {
+        // The command was refused unless the scene can have it.
+        let _ = sg_reclassify::reclassify_scene(&mut placed, function);
+    }
     for (duplicate, base) in state.duplicates().iter().zip(state.base_units().iter().skip(scene.units.len())) {
         let first = duplicate.originals().ones().next();
         let Some((source, _)) = first.and_then(|first| placed.locate(first)) else { continue };

@@ -16,6 +16,7 @@ use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::Axis;
 use sg_scene::tone::Tone;
 use sg_scene::view::View;
+use sg_volume::TransferFunction;
 
 use super::duplicates::Duplicate;
 use super::placement::Placement;
@@ -166,6 +167,7 @@ pub struct EditState {
     pub(crate) deleted: Arc<Mask>,
     pub(crate) duplicates: Arc<[Duplicate]>,
     pub(crate) placements: Arc<[Placement]>,
+    pub(crate) transfer_function: Option<Arc<TransferFunction>>,
     pub(crate) light: Light,
     pub(crate) background: Vec3,
     pub(crate) view: View,
@@ -209,6 +211,7 @@ impl EditState {
             deleted: Arc::new(Mask::empty(scene.len())),
             duplicates: Arc::new([]),
             placements: Arc::new([]),
+            transfer_function: None,
             light: look.light,
             background: look.background,
             view: initial_view(scene),

@@ -239,7 +239,7 @@ impl Transaction<'_> {
 }
 
 /// A number with four significant digits, for a person.
-fn significant(x: f64) -> String {
+pub(super) fn significant(x: f64) -> String {
     let digits = if x == 0.0 { 0.0 } else { 3.0 - x.abs().log10().floor() };
     decimals(x, digits.clamp(0.0, 9.0) as usize)
 }

@@ -1,7 +1,9 @@
 //! Which Gaussians are shown, and how opaque and in which colour edits leave those of a unit.
 
 use glam::Vec3;
+use sg_reclassify::sources;
 use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
 
 use super::state::{EditState, UnitRef};
 
@@ -20,6 +22,17 @@ impl EditState {
             visible.subtract(&unit.mask);
         }
         visible.subtract(self.deleted());
+        visible
+    }
+
+    /// The Gaussians that no edit and no transfer function hides. `scene` is that of this state.
+    #[must_use]
+    pub fn visible_in(&self, scene: &Scene) -> Mask {
+        let mut visible = self.visible();
+        let hidden = sources::hidden(scene);
+        if hidden.len() == visible.len() {
+            visible.subtract(&hidden);
+        }
         visible
     }
 

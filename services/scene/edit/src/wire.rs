@@ -3,6 +3,7 @@
 mod duplicate_message;
 mod placement_message;
 mod tone_message;
+mod transfer_function_message;
 mod unit_message;
 
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use sg_proto::scene::selection_step::Step;
 
 use self::duplicate_message::{check_duplicates, decode_duplicates, encode_duplicates};
 use self::placement_message::{decode_placements, encode_placements};
+pub use self::transfer_function_message::{decode_transfer_function, encode_transfer_function};
 use self::unit_message::{decode_base, decode_unit, encode_base, encode_unit};
 use super::change::Change;
 use super::state::{EditState, Geometry, Selection};
@@ -66,6 +68,14 @@ pub enum WireError {
     /// Copies that do not follow the Gaussians before them, or that the base units do not have.
     #[error("`{0}`: copies form the last base units, each of Gaussians of one base unit before it")]
     Duplicates(&'static str),
+    /// A transfer function that is none.
+    #[error("`{field}`: {reason}")]
+    TransferFunction {
+        /// The field.
+        field: &'static str,
+        /// The cause and the remedy.
+        reason: String,
+    },
     /// A number of Gaussians that no machine can hold.
     #[error("`{field}` is {value}; this machine cannot count that far")]
     Count {
@@ -88,6 +98,7 @@ impl WireError {
             | Self::Kind { field, .. }
             | Self::Length { field, .. }
             | Self::Bits { field, .. }
+            | Self::TransferFunction { field, .. }
             | Self::Count { field, .. } => field,
         }
     }
@@ -351,6 +362,10 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
         Change::Up(up) => Item::Up(encode_axis(*up).into()),
+        Change::TransferFunction(function) => {
+            let function = function.as_deref().map(encode_transfer_function);
+            Item::TransferFunction(proto::ShownTransferFunction { function })
+        }
         Change::Term(term) => Item::Term(encode_term(*term).into()),
         Change::Focus(units) => Item::Focus(proto::Focus { units: units.clone() }),
     };
@@ -377,6 +392,9 @@ pub fn decode_change(change: &proto::Change) -> Result<Change, WireError> {
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
         Item::Up(axis) => Change::Up(decode_axis(*axis)?),
+        Item::TransferFunction(shown) => {
+            Change::TransferFunction(shown.function.as_ref().map(decode_transfer_function).transpose()?)
+        }
         Item::Term(term) => Change::Term(decode_term(*term)?),
         Item::Focus(focus) => Change::Focus(focus.units.clone()),
     })
@@ -408,6 +426,7 @@ impl EditState {
             deleted: (with_masks && !self.deleted.is_none()).then(|| encode_mask(&self.deleted)),
             placements: (with_masks && !self.placements.is_empty()).then(|| encode_placements(&self.placements)),
             duplicates: (with_masks && !self.duplicates.is_empty()).then(|| encode_duplicates(&self.duplicates)),
+            transfer_function: self.transfer_function.as_deref().map(encode_transfer_function),
             // Only the owner has it.
             project_path: String::new(),
         }
@@ -443,6 +462,7 @@ impl EditState {
                 .unwrap_or_else(|| Arc::new(Mask::empty(expected))),
             duplicates,
             placements: decode_placements(&state.placements.clone().unwrap_or_default())?,
+            transfer_function: state.transfer_function.as_ref().map(decode_transfer_function).transpose()?,
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,

@@ -251,6 +251,7 @@ impl<'a> UnitReader<'a> {
             oriented_normals: gaussians.shading.is_some()
                 && entry.and_then(|e| e.oriented_normals).or(comments.oriented_normals).unwrap_or(is_ivrgs),
             transfer_function: entry.and_then(|e| e.transfer_function.clone()),
+            values: entry.and_then(|e| e.values),
             gaussians,
         };
         let orientation = comments.orientation.unwrap_or_default();

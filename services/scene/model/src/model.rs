@@ -276,6 +276,8 @@ pub struct BaseUnit {
     pub oriented_normals: bool,
     /// The transfer function behind the unit, relative to the scene file.
     pub transfer_function: Option<PathBuf>,
+    /// Least and greatest value of the volume behind the unit, raw.
+    pub values: Option<[f64; 2]>,
 }
 
 impl BaseUnit {
@@ -294,6 +296,7 @@ impl BaseUnit {
             shading: ShadingModel::Paper,
             oriented_normals: false,
             transfer_function: None,
+            values: None,
         }
     }
 

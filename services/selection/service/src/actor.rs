@@ -349,7 +349,7 @@ impl Selector {
         }
         if !draft.include_hidden && (!draft.steps.is_empty() || draft.answer.is_some()) {
             let kept = state.selection().mask();
-            let hidden = hidden(state, (!draft.restart).then_some(&**kept));
+            let hidden = hidden(state, &self.places.hidden(state), (!draft.restart).then_some(&**kept));
             // A later change of the walk's parameters may let it grow into what is hidden now.
             let may_grow = session.walk().is_some() && !hidden.is_none() && !session.excludes(&hidden);
             if may_grow || session.mask().intersects(&hidden) {
@@ -429,9 +429,10 @@ fn commit_id(context: &Context) -> String {
     format!("strokes-{}", context.id)
 }
 
-/// The hidden Gaussians that a selection has to leave out; those of `kept` may stay.
-fn hidden(state: &EditState, kept: Option<&Mask>) -> Mask {
+/// The hidden Gaussians that a selection has to leave out, with those that the transfer function hides; those of `kept` may stay.
+fn hidden(state: &EditState, by_function: &Mask, kept: Option<&Mask>) -> Mask {
     let mut hidden = state.visible();
+    hidden.subtract(by_function);
     if let Some(kept) = kept {
         hidden.union_with(kept);
     }

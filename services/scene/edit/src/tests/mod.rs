@@ -8,6 +8,7 @@ mod lock;
 mod merge;
 mod placement;
 mod properties;
+mod reclassification;
 mod tone;
 
 use std::sync::Arc;
@@ -76,7 +77,11 @@ fn only(target: Target) -> Action {
 }
 
 fn commit(members: impl Fn(usize) -> bool) -> Action {
-    let mask = Some(encode_mask(&Mask::from_fn(60, members)));
+    commit_of(60, members)
+}
+
+fn commit_of(gaussians: usize, members: impl Fn(usize) -> bool) -> Action {
+    let mask = Some(encode_mask(&Mask::from_fn(gaussians, members)));
     Action::CommitSelection(CommitSelection { mask, ..CommitSelection::default() })
 }
 

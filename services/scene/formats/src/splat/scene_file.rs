@@ -55,6 +55,8 @@ pub struct UnitEntry {
     pub oriented_normals: Option<bool>,
     /// The transfer function behind the unit, relative to the scene file.
     pub transfer_function: Option<PathBuf>,
+    /// Least and greatest value of the volume behind the unit, raw.
+    pub values: Option<[f64; 2]>,
 }
 
 /// A scene file that cannot be used or written.
@@ -148,6 +150,7 @@ struct UnitTable {
     shading: Option<ShadingModel>,
     oriented_normals: Option<bool>,
     transfer_function: Option<PathBuf>,
+    values: Option<Spanned<[f64; 2]>>,
 }
 
 impl SceneFile {
@@ -225,6 +228,7 @@ impl SceneFile {
             shading: Some(unit.shading),
             oriented_normals: Some(unit.oriented_normals),
             transfer_function: unit.transfer_function.clone(),
+            values: unit.values,
         };
         Self {
             bounds: Some(scene.bounds),
@@ -270,6 +274,9 @@ impl SceneFile {
             if let Some(file) = &unit.transfer_function {
                 line("transfer_function", path_string(file));
             }
+            if let Some(values) = unit.values {
+                line("values", list(values));
+            }
         }
         text
     }
@@ -309,6 +316,13 @@ impl UnitTable {
                 }
             },
         };
+        let values = match self.values {
+            None => None,
+            Some(v) if matches!(*v.get_ref(), [low, high] if low.is_finite() && high.is_finite() && low <= high) => {
+                Some(v.into_inner())
+            }
+            Some(v) => return Err((v.span(), "the values are two finite numbers, the least first".to_owned())),
+        };
         Ok(UnitEntry {
             name: self.name.into_inner(),
             file: self.file.into_inner(),
@@ -319,6 +333,7 @@ impl UnitTable {
             shading: self.shading,
             oriented_normals: self.oriented_normals,
             transfer_function: self.transfer_function,
+            values,
         })
     }
 }
@@ -390,6 +405,7 @@ mod tests {
                     shading: [None, Some(ShadingModel::IvrgsTrain), Some(ShadingModel::IvrgsViewer)][shading],
                     oriented_normals: oriented,
                     transfer_function: oriented.map(|_| "tf.json".into()),
+                    values: oriented.map(|_| [shift[0] - 1.0, shift[0]]),
                 }],
             };
             prop_assert_eq!(parse(&file.to_text()).unwrap(), file);
@@ -421,6 +437,7 @@ mod tests {
             (format!("schema = 1\n{unit}opacity = nan\n"), 5, 11, "at least 0"),
             (format!("schema = 1\n{unit}transform = [1.0, 2.0]\n"), 5, 13, "16 finite numbers"),
             (format!("schema = 1\n{unit}convention = \"theirs\"\n"), 5, 14, "theirs"),
+            (format!("schema = 1\n{unit}values = [2.0, 1.0]\n"), 5, 10, "the least first"),
             (format!("schema = 1\n{unit}[box]\nmin = [0, 0, 0]\nmax = [-1, 0, 0]\n"), 5, 1, "min not above max"),
             (format!("schema = 1\n{unit}[orientation]\npatient = \"LAS\"\n"), 6, 11, "LPS or RAS"),
             (format!("schema = 1\n{unit}[orientation]\nunit = \"inch\"\n"), 6, 8, "m, mm or um"),

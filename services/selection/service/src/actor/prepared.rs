@@ -18,8 +18,10 @@ use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::{Progress, Stage};
 use sg_edit::{EditState, PlacedScene};
 use sg_formats::load_verified::load_verified;
+use sg_reclassify::sources;
 use sg_runtime::process::StartError;
 use sg_runtime::progress;
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_selection::operation_context::OperationContext;
 use sg_selection::selection_index::{SelectionIndex, WalkOptions};
@@ -92,6 +94,8 @@ pub(super) struct Places {
     /// The index of the file, and the one of the newest other places with its scene.
     index_of_file: Arc<SelectionIndex>,
     newest: Option<(Arc<Scene>, Arc<SelectionIndex>)>,
+    /// What the transfer function hides in the newest scene that this was asked of.
+    hidden: Option<(Arc<Scene>, Arc<Mask>)>,
 }
 
 /// The clusters of a scene and their graph.
@@ -109,7 +113,18 @@ impl Places {
     ) -> Self {
         let of_file = Arc::new(Clustered { clustering, graph });
         let index_of_file = index_of(scene.file(), &of_file.clustering, &of_file.graph, walk, geometry);
-        Self { scene, of_file, with_duplicates: None, walk, geometry, index_of_file, newest: None }
+        Self { scene, of_file, with_duplicates: None, walk, geometry, index_of_file, newest: None, hidden: None }
+    }
+
+    /// The Gaussians of a state that its transfer function hides. The same scene is read once.
+    pub(super) fn hidden(&mut self, state: &EditState) -> Arc<Mask> {
+        let scene = self.scene.of(state);
+        if let Some((_, hidden)) = self.hidden.as_ref().filter(|(of, _)| Arc::ptr_eq(of, &scene)) {
+            return Arc::clone(hidden);
+        }
+        let hidden = Arc::new(sources::hidden(&scene));
+        self.hidden = Some((scene, Arc::clone(&hidden)));
+        hidden
     }
 
     /// Cluster of each Gaussian of the newest state that an index was asked for; -1 without a cluster.
@@ -333,7 +348,7 @@ mod tests {
         let mut opened = EditState::of_scene(&scene, "", "");
         let mut places = places(&scene);
         // Half of the Super-Gaussians of the only base unit.
-        let half = sg_scene::mask::Mask::from_fn(600, |i| places.labels()[i] % 2 == 0);
+        let half = Mask::from_fn(600, |i| places.labels()[i] % 2 == 0);
         let mask = Some(sg_edit::wire::encode_mask(&half));
         let select = sg_proto::scene::CommitSelection { mask, ..sg_proto::scene::CommitSelection::default() };
         opened = opened.after(&scene, Action::CommitSelection(select)).unwrap();

@@ -38,7 +38,7 @@ impl Selector {
         let over = state.selection().hash();
         let unselectable = state.unselectable();
         let goes_on = self.open.as_ref().is_some_and(|o| {
-            o.name == request.stroke && o.over == over && o.unselectable == unselectable && o.state.is_placed_as(&state)
+            o.name == request.stroke && o.over == over && o.unselectable == unselectable && o.state.has_scene_of(&state)
         });
         if !goes_on {
             let session = tokio::task::block_in_place(|| self.present(&state))?;
@@ -53,6 +53,7 @@ impl Selector {
             self.open = Some(OpenStroke { name, over, unselectable, state: Arc::clone(&state), preview });
             self.session = session;
         }
+        let by_function = self.places.hidden(&state);
         let open = self.open.as_mut().ok_or_else(|| Fault::internal("the stroke was not begun"))?;
         let most = sg_proto::limits::MAX_STROKE_POINTS;
         if open.preview.stroke().points.len() + stroke.points.len() > most {
@@ -69,7 +70,7 @@ impl Selector {
         };
         let mut selected = mask.count();
         if !request.include_hidden {
-            let mut hidden = hidden(&state, Some(state.selection().mask()));
+            let mut hidden = hidden(&state, &by_function, Some(state.selection().mask()));
             changed.retain(|g| !hidden.get(*g as usize));
             hidden.intersect_with(mask);
             selected -= hidden.count();

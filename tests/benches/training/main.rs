@@ -1,6 +1,6 @@
 //! Training of Gaussians on pictures of a volume: quality over seconds, and edits against the same edits of the transfer
 //! function, for several volumes. Before that, the ray marching of these pictures: the marcher in f32 against its exact twin.
-//! And direct starts by their number of Gaussians.
+//! And direct starts by their number of Gaussians. With `--functions`: other transfer functions for one scene.
 //!
 //!     cargo bench --workspace --bench training -- --data ../../shared/data/volumes --seconds 60 --out training
 //!
@@ -14,6 +14,8 @@
     clippy::print_stdout,
     reason = "a bench fails by its helpers and prints what it measured"
 )]
+
+mod functions;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -80,6 +82,9 @@ struct Arguments {
     /// scene, and eight times the difference.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Measure other transfer functions for scenes of the first one, and nothing else. Writes `functions.md`.
+    #[arg(long)]
+    functions: bool,
     /// Passed by cargo.
     #[arg(long, hide = true)]
     bench: bool,
@@ -110,6 +115,9 @@ struct Course {
 
 fn main() {
     let arguments = Arguments::parse();
+    if arguments.functions {
+        return other_functions(&arguments);
+    }
     let mut tables = Tables {
         marching: head(&["volume", "exact, ms", "f32, ms", "RMS error", "greatest error"]),
         starts: head(&["volume, Gaussians", "s", "dB over the footprint", "least", "dB of the frame", "SSIM"]),
@@ -138,6 +146,24 @@ fn main() {
         std::fs::create_dir_all(out).unwrap();
         std::fs::write(out.join("training.md"), tables + "\n").unwrap();
         std::fs::write(out.join("training.svg"), svg((900, 420), |area| draw(area, &courses)).unwrap()).unwrap();
+    }
+}
+
+/// The table of other transfer functions.
+fn other_functions(arguments: &Arguments) {
+    let mut table = functions::columns();
+    for (name, files) in VOLUMES {
+        let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
+        let Some((field, function)) = is_asked.then(|| volume(arguments, files)).flatten() else { continue };
+        let rows = functions::rows(arguments, name, &field, &function);
+        rows.iter().for_each(|row| eprint_line(row));
+        table.extend(rows);
+    }
+    let table = table.join("\n");
+    println!("{table}");
+    if let Some(out) = &arguments.out {
+        std::fs::create_dir_all(out).unwrap();
+        std::fs::write(out.join("functions.md"), table + "\n").unwrap();
     }
 }
 
