@@ -22,6 +22,7 @@ mod film;
 mod look;
 mod names;
 mod show;
+mod transfer_function;
 mod values;
 mod volume;
 

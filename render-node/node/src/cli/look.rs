@@ -27,8 +27,8 @@ use super::Picture;
 use super::failure::Failure;
 use super::names::{BackendName, LightName};
 use super::show;
+use super::transfer_function::read_transfer_function;
 use super::values::{Background, backdrop};
-use super::volume::read_transfer_function;
 
 /// Edge of the picture where neither a camera nor a size is given.
 const DEFAULT_SIZE: u32 = 1024;

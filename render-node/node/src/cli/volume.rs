@@ -22,6 +22,7 @@ use sg_volume::{
 use super::failure::Failure;
 use super::look::{self, Look};
 use super::names::{BackendName, FilterName, ProjectionName, QualityName, RasterizerName, TermName};
+use super::transfer_function::read_transfer_function;
 use super::{Picture, print_json};
 
 /// Name of the method in reports.
@@ -148,15 +149,6 @@ fn function(picture: &Picture, volume: &Volume, field: &Field) -> Result<Transfe
             .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())));
     };
     read_transfer_function(path)
-}
-
-/// The transfer function of a file; prints its unknown keys.
-pub(super) fn read_transfer_function(path: &Path) -> Result<TransferFunction, Failure> {
-    let loaded = TransferFunction::load(path).map_err(Failure::input)?;
-    for key in &loaded.ignored_keys {
-        print::status(&format!("note: {}: the unknown key `{key}` is ignored", path.display()));
-    }
-    Ok(loaded.function)
 }
 
 /// Options that speak of Gaussians do nothing to a volume. Silence would let a person believe otherwise.

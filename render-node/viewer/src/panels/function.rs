@@ -1,7 +1,5 @@
 //! The transfer function of a scene of a volume, under the hand.
 
-use std::sync::Arc;
-
 use egui::{
     Button, Color32, DragValue, Painter, Pos2, Rect, Role, Sense, Stroke, TextStyle, Ui, WidgetInfo, pos2, vec2,
 };
@@ -9,92 +7,22 @@ use glam::Vec3;
 use sg_edit::wire::encode_transfer_function;
 use sg_proto::scene::SetTransferFunction;
 use sg_proto::scene::command::Action;
-use sg_reclassify::sources;
-use sg_scene::model::Scene;
 use sg_volume::TransferFunction;
-use sg_volume::transfer::{ControlPoint, Scale, Units};
+use sg_volume::transfer::ControlPoint;
 
 use super::control::{Number, scale};
 use super::output::Output;
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
 use super::transfer::{Curve, to_color32};
+use super::volume_values::{BARS, Bars, VolumeValues};
 use crate::display::ViewState;
 use crate::display::number_format::{number, percent};
-
-/// Bars of the histogram.
-const BARS: usize = 96;
 
 /// Height of the plot, radius of a control point and the reach of a press around it, in points.
 const HEIGHT: f32 = 132.0;
 const RADIUS: f32 = 5.0;
 const REACH: f32 = 14.0;
-
-/// The volume behind a scene: the transfer function of its file, and the values of its Gaussians.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct VolumeValues {
-    file: TransferFunction,
-    /// Least and greatest value of the volume, raw.
-    range: [f64; 2],
-    /// Mean values of some Gaussians, raw.
-    values: Vec<f64>,
-}
-
-/// Most values that the histogram is of.
-const SAMPLES: usize = 200_000;
-
-type Bars = [f32; BARS];
-
-/// What the bars of a histogram depend on.
-type Axis = ([f64; 2], Units, Scale);
-
-/// State of the section from frame to frame.
-#[derive(Debug, Default)]
-pub(super) struct FunctionState {
-    /// The chosen control point.
-    chosen: Option<usize>,
-    /// Whether the pointer moves it.
-    is_dragged: bool,
-    /// The newest histogram, with its axis.
-    bars: Option<(Axis, Bars)>,
-}
-
-impl VolumeValues {
-    /// Those of the first base unit with values. `functions` has the transfer function of each unit.
-    pub(super) fn of(scene: &Scene, functions: &[Option<TransferFunction>]) -> Option<Arc<Self>> {
-        let mut units = scene.units.iter().zip(functions);
-        let (unit, file) = units.find_map(|(unit, file)| {
-            Some(unit).zip(file.as_ref().filter(|_| sources::keeps_values(&unit.gaussians)))
-        })?;
-        let every = scene.len().div_ceil(SAMPLES).max(1);
-        let all = scene.units.iter().filter_map(|unit| sources::values(&unit.gaussians)).flatten();
-        let values: Vec<f64> = all.copied().filter(|x| x.is_finite()).step_by(every).collect();
-        let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| [l.min(*x), h.max(*x)]);
-        Some(Arc::new(Self { file: file.clone(), range: unit.values.unwrap_or(ends), values }))
-    }
-
-    /// Values in the units of a function.
-    fn in_units_of<'a>(&'a self, function: &TransferFunction) -> impl Iterator<Item = f64> + 'a {
-        let [low, high] = self.range;
-        let (shift, factor) = match function.units {
-            Units::Normalized if high > low => (low, 1.0 / (high - low)),
-            _ => (0.0, 1.0),
-        };
-        self.values.iter().map(move |x| (x - shift) * factor)
-    }
-
-    /// Heights of the bars, 0 to 1, by the logarithm of their numbers: rare values matter as much as frequent ones.
-    fn bars(&self, curve: &Curve, function: &TransferFunction) -> Bars {
-        let mut counts = [0_u32; BARS];
-        for value in self.in_units_of(function) {
-            if let Some(count) = counts.get_mut((curve.place(value) * BARS as f32) as usize) {
-                *count += 1;
-            }
-        }
-        let most = (counts.iter().copied().max().unwrap_or(0) as f32).ln_1p().max(1.0);
-        counts.map(|count| (count as f32).ln_1p() / most)
-    }
-}
 
 fn set(function: Option<&TransferFunction>) -> Action {
     Action::SetTransferFunction(SetTransferFunction { function: function.map(encode_transfer_function) })
@@ -143,7 +71,8 @@ impl Panels {
         let (mut level, mut window) = level_and_window(&function);
         let slider = |name, range| Number { name, range, logarithmic: false, text: number };
         let moved = slider("level", low..=high).show(ui, &mut level);
-        if moved | slider("window", 0.0..=high - low).show(ui, &mut window) {
+        // A window of 0 would put all points in one place for good.
+        if moved | slider("window", 1e-3 * (high - low)..=high - low).show(ui, &mut window) {
             changed = Some(windowed(&function, level, window));
         }
         if let Some(at) = self.function.chosen.filter(|at| *at < function.points.len()) {
@@ -212,9 +141,7 @@ impl Panels {
         if response.drag_stopped() {
             self.function.is_dragged = false;
         }
-        let axis = (function.domain, function.units, function.scale);
-        let known = self.function.bars.filter(|(of, _)| *of == axis);
-        let (_, bars) = *self.function.bars.insert(known.unwrap_or_else(|| (axis, volume.bars(curve, function))));
+        let bars = self.function.bars(volume, curve, function);
         self.paint_function(ui, (plot, whole), &bars, (function, curve, &places));
         response.on_hover_text("drag a point; double-click for a new one");
         changed
@@ -312,6 +239,8 @@ impl Panels {
 
 #[cfg(test)]
 mod tests {
+    use sg_volume::transfer::{Scale, Units};
+
     use super::*;
 
     fn ramp() -> TransferFunction {
@@ -337,7 +266,7 @@ mod tests {
         let wide = windowed(&ramp(), 50.0, 80.0);
         assert_eq!(values(&wide), [10.0, 50.0, 90.0]);
         assert_eq!(level_and_window(&wide), (50.0, 80.0));
-        // A window of 0 is a jump, from which there is a way back by level alone.
+        // A jump has a level alone.
         let jump = windowed(&ramp(), 50.0, 0.0);
         assert_eq!(values(&windowed(&jump, 30.0, 10.0)), [30.0; 3]);
     }

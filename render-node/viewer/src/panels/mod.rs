@@ -56,6 +56,7 @@ pub mod theme;
 mod tone;
 pub mod transfer;
 mod units;
+mod volume_values;
 mod walk;
 mod wrist;
 
@@ -66,7 +67,7 @@ use sg_scene::model::Scene;
 
 use crate::display::{Tools, ViewState};
 
-use function::VolumeValues;
+use volume_values::VolumeValues;
 
 pub(crate) use commands::{
     crop_to_selection, delete_selection, duplicate_selection, frame_selection, select_visible, turn_up,

@@ -8,10 +8,10 @@ use sg_proto::scene::command::Action;
 use sg_raster::attributes;
 use sg_volume::TransferFunction;
 
-use super::function::{FunctionState, VolumeValues};
 use super::last_turn::LastTurn;
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
+use super::volume_values::{FunctionState, VolumeValues};
 use crate::display::ParameterDrag;
 
 /// State of the panels from frame to frame.

@@ -19,6 +19,7 @@ mod region_tools;
 mod scene_requests;
 mod select_requests;
 mod stage;
+mod transfer_function;
 mod typing;
 mod upright;
 mod window_ui;

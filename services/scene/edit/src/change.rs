@@ -12,7 +12,6 @@ use sg_volume::TransferFunction;
 
 use super::duplicates::{self, Duplicate};
 use super::placement::{self, Placement};
-use super::reclassification;
 use super::state::{BaseUnitState, EditState, Selection, Unit};
 
 /// One value as it stands after a change.
@@ -167,8 +166,7 @@ impl EditState {
         if self.up != after.up {
             changes.push(Change::Up(after.up));
         }
-        let functions = [self, after].map(|state| state.transfer_function.as_ref());
-        if !reclassification::same(functions[0], functions[1]) {
+        if !self.has_function_of(after) {
             changes.push(Change::TransferFunction(after.transfer_function.clone()));
         }
         if self.term != after.term {

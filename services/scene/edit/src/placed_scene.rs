@@ -6,7 +6,6 @@ use sg_scene::model::{BaseUnit, Scene};
 
 use super::duplicates;
 use super::placement::{self, Placement};
-use super::reclassification;
 use super::state::EditState;
 
 impl EditState {
@@ -21,7 +20,7 @@ impl EditState {
     pub fn has_scene_of(&self, other: &Self) -> bool {
         self.has_gaussians_of(other)
             && placement::same(&self.placements, &other.placements)
-            && reclassification::same(self.transfer_function(), other.transfer_function())
+            && self.has_function_of(other)
     }
 
     /// Whether both states of a scene have the same Gaussians: the file's and the same copies.

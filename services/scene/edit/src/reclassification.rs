@@ -1,32 +1,12 @@
 //! The command that gives the Gaussians of a volume another transfer function.
 
-use std::sync::Arc;
-
 use sg_proto::scene::{SetTransferFunction, Target};
-use sg_volume::TransferFunction;
 
 use super::command_number::malformed;
 use super::error::EditError;
-use super::state::EditState;
 use super::transaction::Transaction;
 use super::transformation::significant;
 use super::wire::decode_transfer_function;
-
-impl EditState {
-    /// The transfer function in place of the file's; `None` for that of the file.
-    #[must_use]
-    pub fn transfer_function(&self) -> Option<&Arc<TransferFunction>> {
-        self.transfer_function.as_ref()
-    }
-}
-
-/// Whether two functions are equal, without a look at one that is the same allocation.
-pub(super) fn same(a: Option<&Arc<TransferFunction>>, b: Option<&Arc<TransferFunction>>) -> bool {
-    match (a, b) {
-        (Some(a), Some(b)) => Arc::ptr_eq(a, b) || a == b,
-        (a, b) => a.is_none() && b.is_none(),
-    }
-}
 
 impl Transaction<'_> {
     pub(super) fn set_transfer_function(&mut self, command: &SetTransferFunction) -> Result<String, EditError> {

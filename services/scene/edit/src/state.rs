@@ -264,6 +264,20 @@ impl EditState {
         &self.selection
     }
 
+    /// The transfer function in place of the file's; `None` for that of the file.
+    #[must_use]
+    pub fn transfer_function(&self) -> Option<&Arc<TransferFunction>> {
+        self.transfer_function.as_ref()
+    }
+
+    /// Whether both states have the same transfer function. One that is the same allocation is not read.
+    pub(crate) fn has_function_of(&self, other: &Self) -> bool {
+        match (&self.transfer_function, &other.transfer_function) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b) || a == b,
+            (a, b) => a.is_none() && b.is_none(),
+        }
+    }
+
     /// The light.
     #[must_use]
     pub fn light(&self) -> Light {
