@@ -367,6 +367,23 @@ mod tests {
     }
 
     #[test]
+    fn the_background_is_the_empty_space_and_its_noise() {
+        let [low, high] = background_values(&nested()).unwrap();
+        assert!(low == f64::NEG_INFINITY && (10.0..80.0).contains(&high), "{low} to {high}");
+        // A bright one, with faint structures inside; noise of both signs.
+        let field = field_of([40, 40, 40], |i| {
+            let inside = |x: usize| (10..30).contains(&x);
+            let is_inside = inside(i % 40) && inside(i / 40 % 40) && inside(i / 1600);
+            let noise = (i * 7919 % 13) as f32 - 6.0;
+            if is_inside { (i % 200) as f32 } else { 400.0 + noise }
+        });
+        let [low, high] = background_values(&field).unwrap();
+        assert!((200.0..=394.5).contains(&low) && high >= 405.5, "{low} to {high}");
+        assert_eq!(background_values(&field_of([3, 3, 3], |_| 7.0)), None);
+        assert_eq!(background_values(&field_of([3, 3, 3], |_| f32::NAN)), None);
+    }
+
+    #[test]
     fn constant_and_empty_volumes_have_no_automatic_function() {
         assert_eq!(
             automatic_transfer_function(&field_of([3, 3, 3], |_| 7.0), None),

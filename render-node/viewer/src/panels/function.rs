@@ -1,7 +1,8 @@
 //! The transfer function of a scene of a volume, under the hand.
 
 use egui::{
-    Button, Color32, DragValue, Painter, Pos2, Rect, Role, Sense, Stroke, TextStyle, Ui, WidgetInfo, pos2, vec2,
+    Button, Color32, DragValue, Painter, Pos2, Rect, RichText, Role, Sense, Stroke, TextStyle, Ui, WidgetInfo, pos2,
+    vec2,
 };
 use glam::Vec3;
 use sg_edit::wire::encode_transfer_function;
@@ -67,6 +68,7 @@ impl Panels {
         let function = TransferFunction { base_units: Vec::new(), variable: volume.file.variable.clone(), ..function };
         let Some(curve) = Curve::of(&function, "") else { return };
         let mut changed = self.function_plot(ui, &volume, &function, &curve, output);
+        ui.label(RichText::new("Drag a point, double-click for a new one.").weak());
         let [low, high] = function.domain;
         let (mut level, mut window) = level_and_window(&function);
         let slider = |name, range| Number { name, range, logarithmic: false, text: number };
@@ -143,7 +145,6 @@ impl Panels {
         }
         let bars = self.function.bars(volume, curve, function);
         self.paint_function(ui, (plot, whole), &bars, (function, curve, &places));
-        response.on_hover_text("drag a point; double-click for a new one");
         changed
     }
 

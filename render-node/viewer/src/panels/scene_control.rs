@@ -46,10 +46,10 @@ impl Panels {
             }
             self.structures(ui, state, output);
         }
-        section(ui, "What is shown", is_window, |ui| self.what_is_shown(ui, state, tools));
         if state.services.scene && self.has_volume() {
             section(ui, "Transfer function", is_window, |ui| self.transfer_function(ui, state, output));
         }
+        section(ui, "What is shown", is_window, |ui| self.what_is_shown(ui, state, tools));
         if state.services.scene {
             section(ui, "Light and background", false, |ui| self.light(ui, state, tools, output));
         }

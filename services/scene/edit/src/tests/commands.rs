@@ -478,7 +478,7 @@ fn redo_keeps_no_deleted_name_in_focus() {
 #[test]
 fn masks_that_no_reader_could_be_sent_are_refused() {
     let n = 9_000_000;
-    let scene = Arc::new(sg_scene::model::Scene::compose(
+    let scene = Arc::new(Scene::compose(
         test_scene(&[("bone", 1)])
             .units
             .into_iter()

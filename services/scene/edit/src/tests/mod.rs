@@ -22,13 +22,26 @@ use sg_proto::scene::{
 
 use super::wire::encode_mask;
 use super::{Applied, EditError, EditState, Editor};
+use sg_reclassify::sources::{Source, store};
 use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 use sg_scene::tone::Tone;
 
 /// Base units `bone` (0..20), `skin` (20..35) and `Vessel` (35..60).
 pub(crate) fn editor() -> Editor {
     let scene = Arc::new(test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]));
+    let state = EditState::of_scene(&scene, "scene.toml", "hash");
+    Editor::new(scene, state)
+}
+
+/// As [`editor`], where `bone` keeps values of a volume: 100 times its index.
+fn volume_editor() -> Editor {
+    let mut units = test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]).units;
+    let source = |i: usize| Source { value: 100.0 * i as f64, depth: 1.0, ..Source::default() };
+    store(&(0..20).map(source).collect::<Vec<_>>(), &mut units[0].gaussians);
+    units[0].values = Some([0.0, 2000.0]);
+    let scene = Arc::new(Scene::compose(units, None));
     let state = EditState::of_scene(&scene, "scene.toml", "hash");
     Editor::new(scene, state)
 }

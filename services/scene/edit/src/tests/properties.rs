@@ -5,8 +5,8 @@ use prost::Message as _;
 use sg_proto::replica::Replica as _;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight, SetTerm, SetTone,
-    SetView, Undo,
+    ControlPoint, Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight,
+    SetTerm, SetTone, SetTransferFunction, SetView, TransferFunction, Undo,
 };
 
 use sg_scene::similarity::Similarity;
@@ -66,6 +66,8 @@ fn action() -> impl Strategy<Value = Action> {
         2 => (0_u32..4).prop_map(|steps| Action::Redo(Redo { steps })),
         1 => Just(Action::Reset(Reset {})),
         1 => (0..7_i32).prop_map(|term| Action::SetTerm(SetTerm { term })),
+        2 => prop::option::weighted(0.8, function())
+            .prop_map(|function| Action::SetTransferFunction(SetTransferFunction { function })),
         1 => some_color().prop_map(|c| Action::SetBackground(SetBackground { color: Some(c) })),
         1 => (prop::option::of(-1.0..3.0_f32), any::<bool>())
             .prop_map(|(ambient, relative)| Action::SetLight(SetLight { ambient, relative, ..SetLight::default() })),
@@ -81,6 +83,23 @@ fn action() -> impl Strategy<Value = Action> {
 }
 
 /// A move whose shift is its axis and its pivot too.
+/// Transfer functions, most of which are in order.
+fn function() -> impl Strategy<Value = TransferFunction> {
+    let point = (0.0..2000.0_f64, some_color(), -0.05..1.0_f32).prop_map(|(value, color, opacity)| ControlPoint {
+        value,
+        color: Some(color),
+        opacity,
+    });
+    (prop::collection::vec(point, 0..4), any::<bool>(), 0..4_i32, any::<bool>()).prop_map(
+        |(mut points, in_order, scale, normalized)| {
+            if in_order {
+                points.sort_by(|a, b| a.value.total_cmp(&b.value));
+            }
+            TransferFunction { low: 1.0, high: 2000.0, normalized, scale, points }
+        },
+    )
+}
+
 fn moving(target: Option<Target>, by: [f64; 3], degrees: f64, factor: Option<f64>, restore: bool) -> Action {
     if restore {
         return Action::TransformGaussians(TransformGaussians { target, restore, ..TransformGaussians::default() });
@@ -154,6 +173,11 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
                 );
             }
             prop_assert!(before.deleted().is_subset_of(after.deleted()));
+        }
+        Action::SetTransferFunction(a) => {
+            let shown = after.transfer_function().map(|f| crate::wire::encode_transfer_function(f));
+            prop_assert_eq!(&shown, &a.function);
+            prop_assert_eq!(after.appearance(), before.appearance());
         }
         Action::TransformGaussians(a) => {
             let members = members(before, &a.target.clone().unwrap_or_default()).unwrap();
@@ -328,7 +352,7 @@ proptest! {
 
     #[test]
     fn any_sequence_keeps_its_promises(actions in prop::collection::vec(action(), 1..40)) {
-        let mut editor = editor();
+        let mut editor = volume_editor();
         let mut twin = editor.clone();
         let mut replica = Replica::new(editor.state().clone());
         for action in actions {

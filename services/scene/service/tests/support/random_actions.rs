@@ -8,10 +8,10 @@ use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Color, CommitSelection, DeleteGaussians, DeleteUnit, DuplicateGaussians, Mask as MaskMessage, MergeUnits, Orbit,
-    Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock,
-    SetOpacity, SetTerm, SetTone, SetView, SetVisibility, ShowOnly, Stroke, Target, TransformGaussians, Undo, Vector,
-    View,
+    Color, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit, DuplicateGaussians, Mask as MaskMessage,
+    MergeUnits, Orbit, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight,
+    SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction, SetView, SetVisibility, ShowOnly, Stroke, Target,
+    TransferFunction, TransformGaussians, Undo, Vector, View,
 };
 use sg_scene::mask::Mask;
 
@@ -131,11 +131,23 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         3 => select(vec![0, 1, 2, 7, u32::MAX]).prop_map(|steps| Action::Redo(Redo { steps })),
         1 => Just(Action::Reset(Reset {})),
         1 => (-1..9_i32).prop_map(|term| Action::SetTerm(SetTerm { term })),
+        1 => prop::option::weighted(0.5, transfer_function())
+            .prop_map(|function| Action::SetTransferFunction(SetTransferFunction { function })),
         1 => color().prop_map(|color| Action::SetBackground(SetBackground { color })),
         1 => (prop::option::of(number()), any::<bool>())
             .prop_map(|(ambient, relative)| Action::SetLight(SetLight { ambient: ambient.map(|a| a as f32), relative, ..SetLight::default() })),
         3 => view_change().prop_map(|change| Action::SetView(SetView { change })),
     ]
+}
+
+fn transfer_function() -> impl Strategy<Value = TransferFunction> {
+    let point = (number(), color(), number()).prop_map(|(value, color, opacity)| ControlPoint {
+        value,
+        color,
+        opacity: opacity as f32,
+    });
+    (number(), number(), -1..5_i32, any::<bool>(), prop::collection::vec(point, 0..4))
+        .prop_map(|(low, high, scale, normalized, points)| TransferFunction { low, high, normalized, scale, points })
 }
 
 fn view_change() -> impl Strategy<Value = Option<ViewChange>> {
