@@ -1,8 +1,11 @@
-//! Labels of Gaussians from a label volume in the same world frame.
+//! Labels of Gaussians from a label volume in the same world frame, and scores of base units against labels.
+
+use std::collections::BTreeMap;
 
 use glam::DVec3;
+use serde::Serialize;
 use sg_scene::model::Scene;
-use sg_volume::{Bounds, Volume};
+use sg_volume::{Bounds, Classifier, Field, Volume};
 
 /// The label volume does not fit the scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -49,4 +52,93 @@ pub fn labels_of(scene: &Scene, labels: &Volume) -> Result<Vec<i32>, LabelError>
             if whole { Ok(value as i32) } else { Err(LabelError::NotInteger { voxel, value }) }
         })
         .collect()
+}
+
+/// The base unit that is most like a label.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LabelScore {
+    /// The label, above 0.
+    pub label: i32,
+    /// Its voxels.
+    pub voxels: u64,
+    /// Index of the base unit.
+    pub unit: usize,
+    /// Voxels of both over voxels of either.
+    pub iou: f64,
+    /// Largest share of the label within one base unit, or within what is transparent: 1 where values do not divide it.
+    pub purity: f64,
+}
+
+/// Scores the visible voxels of each base unit against each label above 0. Labels are those of the same voxels; `None` for a label
+/// volume of another size.
+#[must_use]
+pub fn label_scores(field: &Field, classifier: &Classifier, labels: &Volume) -> Option<Vec<LabelScore>> {
+    if labels.grid().dims() != field.grid().dims() {
+        return None;
+    }
+    let units = classifier.unit_count();
+    let mut by_label: BTreeMap<i32, Vec<u64>> = BTreeMap::new();
+    let mut by_unit = vec![0_u64; units];
+    for i in 0..field.grid().len() {
+        let raw = field.raw(i);
+        // Transparent voxels come last.
+        let unit = if classifier.opacity(raw) > 0.0 { classifier.unit(raw).unit } else { units };
+        if let Some(count) = by_unit.get_mut(unit) {
+            *count += 1;
+        }
+        let label = labels.scalars().get(i).filter(|x| *x > 0.0 && *x <= f64::from(i32::MAX));
+        if let Some(label) = label {
+            by_label.entry(label as i32).or_insert_with(|| vec![0; units + 1])[unit] += 1;
+        }
+    }
+    let score = |(label, counts): (i32, Vec<u64>)| {
+        let voxels: u64 = counts.iter().sum();
+        let most = counts.iter().copied().max().unwrap_or(0);
+        let ious = by_unit.iter().zip(&counts).map(|(all, both)| *both as f64 / (all + voxels - both).max(1) as f64);
+        let (unit, iou) = ious.enumerate().fold((0, 0.0), |best, one| if one.1 > best.1 { one } else { best });
+        LabelScore { label, voxels, unit, iou, purity: most as f64 / voxels.max(1) as f64 }
+    };
+    Some(by_label.into_iter().map(score).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use sg_volume::Grid;
+    use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Units};
+
+    use super::*;
+
+    #[test]
+    fn labels_are_scored_against_the_unit_that_is_most_like_them() {
+        let grid = Grid::unit([10, 2, 1]).unwrap();
+        let volume = |of: &dyn Fn(usize) -> f32| {
+            let values: Vec<f32> = (0..20).map(of).collect();
+            Volume::new(grid.clone(), values.into(), None).unwrap()
+        };
+        // Values 0 (transparent), 10 and 20 in each row of ten: 4, 3 and 3.
+        let field = volume(&|i| [0.0, 0.0, 0.0, 0.0, 10.0, 10.0, 10.0, 20.0, 20.0, 20.0][i % 10]).to_field();
+        let point = |value, opacity| ControlPoint { value, color: [1.0; 3], opacity };
+        let unit = |name: &str, low, high| BaseUnitRange { name: name.to_owned(), range: [low, high] };
+        let function = TransferFunction {
+            domain: [0.0, 20.0],
+            units: Units::Raw,
+            scale: Scale::Linear,
+            variable: None,
+            points: vec![point(5.0, 0.0), point(6.0, 1.0)],
+            base_units: vec![unit("low", 5.0, 15.0), unit("high", 15.0, 20.0)],
+        };
+        let classifier = function.classifier(field.range()).unwrap();
+        // Label 1 has the first row's 20s, label 7 all 10s and one of the second row's 20s; negative ones do not count.
+        let labels = volume(&|i| match i {
+            7..=9 => 1.0,
+            4..=6 | 14..=17 => 7.0,
+            0 => -3.0,
+            _ => 0.0,
+        });
+        let scores = label_scores(&field, &classifier, &labels).unwrap();
+        let want = |label, voxels, unit, iou, purity| LabelScore { label, voxels, unit, iou, purity };
+        assert_eq!(scores, [want(1, 3, 1, 0.5, 1.0), want(7, 7, 0, 6.0 / 7.0, 6.0 / 7.0)]);
+        let other = Volume::new(Grid::unit([2; 3]).unwrap(), vec![0.0_f32; 8].into(), None).unwrap();
+        assert_eq!(label_scores(&field, &classifier, &other), None);
+    }
 }

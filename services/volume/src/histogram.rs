@@ -106,7 +106,7 @@ pub fn automatic_transfer_function(field: &Field, variable: Option<&str>) -> Res
 
 /// The value range of the histogram. An end loses its outermost 1/10,000 of the values if that tail is longer than the
 /// rest of the range.
-fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
+pub(crate) fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> {
     let range = field.range();
     if range.non_finite == field.values().len() {
         return Err(AutomaticError::NoValues);
@@ -234,13 +234,38 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
     borders
 }
 
-/// Colours from the Okabe–Ito set: orange, sky blue, reddish purple.
-const COLORS: [[f32; 3]; 3] = [[0.902, 0.624, 0.0], [0.337, 0.706, 0.914], [0.8, 0.475, 0.655]];
+/// Colours from the Okabe–Ito set: orange, sky blue, reddish purple, bluish green, yellow, vermilion, blue.
+const COLORS: [[f32; 3]; 7] = [
+    [0.902, 0.624, 0.0],
+    [0.337, 0.706, 0.914],
+    [0.8, 0.475, 0.655],
+    [0.0, 0.62, 0.451],
+    [0.941, 0.894, 0.259],
+    [0.835, 0.369, 0.0],
+    [0.0, 0.447, 0.698],
+];
 /// Opacities by number of materials. An outer, less dense material must not hide the inner ones.
 const OPACITIES: [&[f32]; 4] = [&[], &[0.5], &[0.08, 0.6], &[0.05, 0.25, 0.8]];
 const NAMES: [&[&str]; 4] = [&[], &["material"], &["low", "high"], &["low", "middle", "high"]];
 
-fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable: Option<&str>) -> TransferFunction {
+/// Colour, opacity and name of a material, the `m`th of `materials` by increasing value.
+fn look(m: usize, materials: usize) -> ([f32; 3], f32, String) {
+    let color = COLORS[m % COLORS.len()];
+    match (OPACITIES.get(materials).and_then(|of| of.get(m)), NAMES.get(materials).and_then(|of| of.get(m))) {
+        (Some(opacity), Some(name)) => (color, *opacity, (*name).to_owned()),
+        _ => {
+            let share = m as f32 / materials.saturating_sub(1).max(1) as f32;
+            (color, 0.04 * 20.0_f32.powf(share), format!("material {}", m + 1))
+        }
+    }
+}
+
+pub(crate) fn from_borders(
+    histogram: &Histogram,
+    borders: &[usize],
+    empty: usize,
+    variable: Option<&str>,
+) -> TransferFunction {
     let classes = borders.len() - 1;
     let materials = classes - 1;
     let mut material = 0;
@@ -253,9 +278,12 @@ fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable
         })
         .collect();
     let sample = |class: usize, other: usize| match (looks[class], looks[other]) {
-        (Some(m), _) => (COLORS[m % 3], OPACITIES[materials.min(3)][m]),
+        (Some(m), _) => {
+            let (color, opacity, _) = look(m, materials);
+            (color, opacity)
+        }
         // Ramps into the background fade without a change of colour.
-        (None, Some(m)) => (COLORS[m % 3], 0.0),
+        (None, Some(m)) => (look(m, materials).0, 0.0),
         (None, None) => ([0.0; 3], 0.0),
     };
     let mut points = Vec::new();
@@ -281,7 +309,7 @@ fn from_borders(histogram: &Histogram, borders: &[usize], empty: usize, variable
         .iter()
         .enumerate()
         .filter_map(|(c, m)| m.map(|m| (c, m)))
-        .map(|(c, m)| BaseUnitRange { name: NAMES[materials.min(3)][m].to_owned(), range: [starts[c], starts[c + 1]] })
+        .map(|(c, m)| BaseUnitRange { name: look(m, materials).2, range: [starts[c], starts[c + 1]] })
         .collect();
     TransferFunction {
         domain: [histogram.low, histogram.high],

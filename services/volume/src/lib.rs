@@ -35,6 +35,7 @@ pub mod opacity;
 pub mod phantom;
 pub mod read;
 pub mod scalars;
+pub mod suggestion;
 mod surfaceness;
 pub mod transfer;
 mod visible_blocks;

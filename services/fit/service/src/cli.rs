@@ -10,16 +10,17 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use sg_fit::direct::MAX_GAUSSIANS;
-use sg_fit::labels::labels_of;
+use sg_fit::labels::{LabelScore, label_scores, labels_of};
 use sg_fit::training::TrainingReport;
 use sg_fit::{DirectStart, Options, Progress, Report, direct_start, orientation_of};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::{check_scene_target, staged_file};
-use sg_input::number_format::grouped;
+use sg_input::number_format::{decimals, grouped};
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_reclassify::sources;
 use sg_scene::model::Scene;
+use sg_volume::suggestion::{MOST_UNITS, SuggestedUnit, suggest_base_units};
 use sg_volume::{
     Field, Limits, TransferFunction, automatic_transfer_function, formats_help, lacks_spacing, read_spaced_volume,
 };
@@ -33,7 +34,8 @@ use crate::training_run::TrainingArgs;
 
 const EXAMPLE: &str = "Examples:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --gaussians 20000 --out bonsai
-  supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai";
+  supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai
+  supergaussian fit bonsai_256x256x256_uint8.raw.zst --suggest-units --initial-only --out bonsai";
 
 /// Converts a volume to an editable scene of Gaussians: `DIR/scene.toml` and one PLY file per base unit.
 #[derive(Parser)]
@@ -61,6 +63,17 @@ struct FitArgs {
     /// Transfer function. Default: an automatic one from the histogram.
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
+    /// Suggest base units, at most N: clusters of the volume's values and gradients. The transfer function with them is beside the
+    /// scene, to be edited.
+    #[arg(
+        long,
+        value_name = "N",
+        num_args = 0..=1,
+        default_missing_value = "6",
+        value_parser = clap::value_parser!(u8).range(1..=MOST_UNITS as i64),
+        conflicts_with_all = ["transfer_function", "start"]
+    )]
+    suggest_units: Option<u8>,
     /// Folder for scene.toml, the PLY files and the transfer function. The command creates it.
     #[arg(long, value_name = "DIR", required_unless_present = "keep_in")]
     out: Option<PathBuf>,
@@ -103,8 +116,9 @@ struct FitArgs {
     /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
-    /// Label volume of the same place. --out-truth gets the label at each Gaussian's centre.
-    #[arg(long, value_name = "LABELVOLUME", requires = "out_truth")]
+    /// Label volume of the same place. --out-truth gets the label at each Gaussian's centre, and the report the scores of suggested
+    /// base units against the labels.
+    #[arg(long, value_name = "LABELVOLUME")]
     labels: Option<PathBuf>,
     /// File for the labels of the Gaussians in scene order: int32 (n,), or uint8 0/1 with --truth-value.
     #[arg(long, value_name = "labels.npy", requires = "labels")]
@@ -198,6 +212,12 @@ struct FitReport<'a> {
     files: Vec<PathBuf>,
     read_seconds: f64,
     write_seconds: f64,
+    /// Suggested base units, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suggested: Option<&'a [SuggestedUnit]>,
+    /// Scores of suggested base units against each label, if labels of the same voxels were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    label_scores: Option<&'a [LabelScore]>,
     #[serde(flatten)]
     direct: Option<&'a Report>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -211,6 +231,9 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     if args.keep_in.is_some() && !args.initial_only {
         return Err(input("--keep-in keeps direct starts; add --initial-only, or give --out for a training"));
     }
+    if args.labels.is_some() && args.out_truth.is_none() && args.suggest_units.is_none() {
+        return Err(input("--labels is for --out-truth FILE, or for --suggest-units; add one"));
+    }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
     let read = |path: &Path, spacing| read_spaced_volume(path, spacing, Limits::default()).map_err(input);
@@ -220,17 +243,28 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let orientation = orientation_of(volume.frame());
     let field = volume.to_field();
     let read_seconds = clock.elapsed().as_secs_f64();
-    let function = match &args.transfer_function {
-        Some(file) => {
+    let suggested = match args.suggest_units {
+        Some(most) => {
+            let suggested = suggest_base_units(&field, usize::from(most), volume.variable());
+            Some(suggested.map_err(|e| input(format!("{}: {e}", path.display())))?)
+        }
+        None => None,
+    };
+    let function = match (&args.transfer_function, &suggested) {
+        (_, Some(suggested)) => suggested.function.clone(),
+        (Some(file), None) => {
             let loaded = TransferFunction::load(file).map_err(input)?;
             for key in &loaded.ignored_keys {
                 print_line(&format!("note: {}: the unknown key `{key}` is ignored", file.display()));
             }
             loaded.function
         }
-        None => automatic_transfer_function(&field, volume.variable())
+        (None, None) => automatic_transfer_function(&field, volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
+    for unit in suggested.iter().flat_map(|suggested| &suggested.units) {
+        print_line(&suggestion_line(unit));
+    }
     let options = Options {
         gaussians: args.gaussians,
         seed: args.seed,
@@ -271,8 +305,16 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         }
         Some(report)
     };
+    let scores = match (&labels, &suggested) {
+        (Some(labels), Some(suggested)) => {
+            let classifier = suggested.function.classifier(field.range());
+            label_scores(&field, &classifier.map_err(|e| input(format!("{}: {e}", path.display())))?, labels)
+        }
+        _ => None,
+    };
     // Labels come before any output, so a wrong label volume leaves no partial result.
     let truth = labels
+        .filter(|_| args.out_truth.is_some())
         .map(|l| labels_of(&scene, &l))
         .transpose()
         .map_err(|e| input(format!("{}: {e}", args.labels.as_deref().unwrap_or(path).display())))?;
@@ -304,6 +346,8 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         files,
         read_seconds,
         write_seconds: clock.elapsed().as_secs_f64(),
+        suggested: suggested.as_ref().map(|suggested| suggested.units.as_slice()),
+        label_scores: scores.as_deref(),
         direct: direct.as_ref(),
         training: trained.as_ref(),
     };
@@ -375,6 +419,17 @@ fn earlier_scene(file: &Path, function: &TransferFunction) -> Result<Scene, Fail
         None => return Ok(scene),
     };
     Err(input(format!("{}: {problem}; give a scene of this transfer function", file.display())))
+}
+
+/// A suggested base unit, for a person.
+fn suggestion_line(unit: &SuggestedUnit) -> String {
+    let [low, high] = unit.range.map(|x| decimals(x, 2));
+    format!(
+        "suggested base unit `{}`: values {low} to {high}, most often {}, {} voxels",
+        unit.name,
+        decimals(unit.value, 2),
+        grouped(unit.voxels)
+    )
 }
 
 /// What a training has reached.

@@ -95,6 +95,29 @@ fn a_volume_becomes_a_scene_folder_with_its_truth() {
     assert!(mask.iter().zip(&labels).all(|(&m, &l)| (m == 1) == (l == 1)));
 }
 
+#[test]
+fn base_units_are_suggested_and_scored_against_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(d, &["phantom", "--out", "made", "--size", "48", "--seed", "1"]);
+    let suggest = ["made/phantom_48x48x48_uint8.raw", "--suggest-units", "3", "--hidden", "0.3", "--initial-only"];
+    let labels =
+        ["--gaussians", "2000", "--labels", "made/phantom_labels_48x48x48_uint8.raw", "--out", "scene", "--json"];
+    let output = ok(d, &[&suggest[..], &labels].concat());
+    let report = json(&output.stdout);
+    let units = report["suggested"].as_array().unwrap();
+    assert_eq!((units.len(), &units[0]["name"]), (1, &report["units"][0]["name"]), "{report}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("suggested base unit `"));
+    let scores = report["label_scores"].as_array().unwrap();
+    let sum: f64 = scores.iter().map(|score| score["iou"].as_f64().unwrap()).sum();
+    assert!(scores.len() == 2 && sum > 0.4, "the vessels are two labels of one material: {report}");
+    assert!(report["units"][0]["hidden"].as_u64().unwrap() > 100, "{report}");
+    let file = std::fs::read(d.join("scene/automatic.tf.json")).unwrap();
+    assert_eq!(json(&file)["base_units"][0]["name"], units[0]["name"]);
+    let scene = std::fs::read_to_string(d.join("scene/scene.toml")).unwrap();
+    assert!(scene.contains("values = ["), "{scene}");
+}
+
 /// A gzipped NIfTI-1 file of uint8 voxels whose sform gives the spacing and the origin.
 fn nifti(size: usize, spacing: f32, origin: f32, voxels: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; 352];
@@ -286,6 +309,9 @@ fn wrong_input_ends_with_status_2_and_one_line() {
         with(&["--gaussians", "0"]),
         with(&["--flattening", "2"]),
         with(&["--interior", "-1"]),
+        with(&["--hidden", "2"]),
+        with(&["--suggest-units", "99"]),
+        with(&["--suggest-units", "--transfer-function", "tf.json"]),
         with(&["--labels", volume]),
         vec!["phantom", "--out", "x", "--size", "3"],
     ] {
