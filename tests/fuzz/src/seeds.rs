@@ -31,6 +31,7 @@ use supergaussian_scene::project::Project;
 
 use crate::parts::block;
 use crate::targets::arrays::LENGTH;
+use crate::targets::edits;
 use crate::targets::messages::message_input;
 
 /// Gaussians of the seeds.
@@ -417,7 +418,7 @@ fn received() -> Vec<Vec<u8>> {
 }
 
 fn editor() -> Editor {
-    let scene = Arc::new(test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]));
+    let scene = edits::scene();
     let state = EditState::of_scene(&scene, "scene.toml", "hash");
     Editor::new(scene, state)
 }

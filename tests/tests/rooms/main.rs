@@ -451,6 +451,7 @@ const MAP: [(&str, &str, &[&str]); 29] = [
             "sg-input",
             "sg-language",
             "sg-proto",
+            "sg-reclassify",
             "sg-runtime",
             "sg-scene",
             "sg-stack",

@@ -67,6 +67,8 @@ impl Panels {
         let function = shown.map_or_else(|| volume.file.clone(), |function| (**function).clone());
         let function = TransferFunction { base_units: Vec::new(), variable: volume.file.variable.clone(), ..function };
         let Some(curve) = Curve::of(&function, "") else { return };
+        // A point is always chosen: controls that come and go would move the plot under the hand.
+        self.function.chosen = self.function.chosen.min(function.points.len().saturating_sub(1));
         let mut changed = self.function_plot(ui, &volume, &function, &curve, output);
         ui.label(RichText::new("Drag a point, double-click for a new one.").weak());
         let [low, high] = function.domain;
@@ -77,13 +79,10 @@ impl Panels {
         if moved | slider("window", 1e-3 * (high - low)..=high - low).show(ui, &mut window) {
             changed = Some(windowed(&function, level, window));
         }
-        if let Some(at) = self.function.chosen.filter(|at| *at < function.points.len()) {
-            changed = self.control_point(ui, &function, at, output).or(changed);
-        }
+        changed = self.control_point(ui, &function, self.function.chosen, output).or(changed);
         ui.horizontal_wrapped(|ui| {
             let own = ui.add_enabled(shown.is_some(), Button::new("as in the file"));
             if own.on_hover_text("the transfer function that the scene was made with").clicked() {
-                self.function.chosen = None;
                 output.change(set(None));
             }
         });
@@ -127,17 +126,17 @@ impl Panels {
         if response.drag_started()
             && let Some(pressed) = ui.input(|i| i.pointer.press_origin())
         {
-            self.function.chosen = nearest(pressed).or(self.function.chosen);
+            self.function.chosen = nearest(pressed).unwrap_or(self.function.chosen);
             self.function.is_dragged = nearest(pressed).is_some();
         }
         if let Some(pointer) = response.interact_pointer_pos() {
             let (value, opacity) = value_and_opacity(pointer);
             if response.dragged() && self.function.is_dragged {
-                changed = self.function.chosen.map(|at| with_point(function, at, value, opacity));
+                changed = Some(with_point(function, self.function.chosen, value, opacity));
             } else if response.double_clicked() && nearest(pointer).is_none() {
                 output.change(set(Some(&self.with_new_point(function, curve, value, opacity))));
             } else if response.clicked() {
-                self.function.chosen = nearest(pointer);
+                self.function.chosen = nearest(pointer).unwrap_or(self.function.chosen);
             }
         }
         if response.drag_stopped() {
@@ -160,7 +159,7 @@ impl Panels {
         let at = function.points.partition_point(|point| point.value <= value);
         let mut more = function.clone();
         more.points.insert(at, ControlPoint { value, color, opacity: opacity.clamp(0.0, 1.0) as f32 });
-        self.function.chosen = Some(at);
+        self.function.chosen = at;
         more
     }
 
@@ -186,7 +185,7 @@ impl Panels {
         }
         curve.paint(&painter, inner, visuals.text_color());
         for (i, (point, place)) in function.points.iter().zip(places).enumerate() {
-            let is_chosen = self.function.chosen == Some(i);
+            let is_chosen = self.function.chosen == i;
             let edge = if is_chosen { visuals.hyperlink_color } else { visuals.text_color() };
             let width = if is_chosen { 2.5 } else { 1.2 };
             let fill: Color32 = to_color32(point.color.into());
@@ -226,7 +225,7 @@ impl Panels {
             if remove.on_disabled_hover_text("the last point stays").clicked() {
                 let mut fewer = function.clone();
                 fewer.points.remove(at);
-                self.function.chosen = None;
+                self.function.chosen = at.saturating_sub(1);
                 output.change(set(Some(&fewer)));
             }
         });

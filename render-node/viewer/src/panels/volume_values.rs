@@ -34,8 +34,8 @@ type Axis = ([f64; 2], Units, Scale);
 /// State of the section "Transfer function" from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct FunctionState {
-    /// The chosen control point.
-    pub(super) chosen: Option<usize>,
+    /// Index of the chosen control point.
+    pub(super) chosen: usize,
     /// Whether the pointer moves it.
     pub(super) is_dragged: bool,
     /// The newest histogram, with its axis.

@@ -125,6 +125,8 @@ fn a_double_click_makes_a_point_and_a_drag_beside_none() {
     let at = place(&panel, 40.0, 0.5);
     panel.hover_at(at);
     panel.step();
+    // Each event takes a quarter of a second here.
+    panel.ctx.options_mut(|options| options.input_options.max_double_click_delay = 2.0);
     for _ in 0..2 {
         panel.drag_at(at);
         panel.step();

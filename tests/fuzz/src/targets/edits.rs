@@ -7,6 +7,7 @@ use sg_proto::prost::Message as _;
 use sg_proto::replica::Replica as _;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Command, Redo, State, Undo};
+use sg_reclassify::sources::{Source, store};
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 
@@ -17,10 +18,21 @@ use crate::stage::Stage;
 const MAX_COMMANDS: usize = 24;
 
 static OPENED: LazyLock<(Arc<Scene>, EditState)> = LazyLock::new(|| {
-    let scene = Arc::new(test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]));
+    let scene = scene();
     let state = EditState::of_scene(&scene, "scene.toml", "hash");
     (scene, state)
 });
+
+/// Three base units, of which `bone` keeps values of a volume.
+pub(crate) fn scene() -> Arc<Scene> {
+    let mut units = test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]).units;
+    if let Some(bone) = units.first_mut() {
+        let source = |i: u8| Source { value: 50.0 * f64::from(i), depth: 1.0, ..Source::default() };
+        store(&(0..20).map(source).collect::<Vec<_>>(), &mut bone.gaussians);
+        bone.values = Some([0.0, 1000.0]);
+    }
+    Arc::new(Scene::compose(units, None))
+}
 
 /// Every block is a command.
 pub(crate) fn commands(_: &Stage, input: &[u8]) -> bool {
