@@ -41,8 +41,7 @@ fn ball(x: f64) -> String {
         let _ = writeln!(text, "property float {name}");
     }
     // What fits of volumes keep of them: the value is the place along x, 100 for each length of 1.
-    text.push_str("property double source_value\n");
-    for name in "spread gradient consistency surfaceness depth".split(' ') {
+    for name in "value spread gradient consistency surfaceness depth".split(' ') {
         let _ = writeln!(text, "property float source_{name}");
     }
     text.push_str("end_header\n");

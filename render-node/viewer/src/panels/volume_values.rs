@@ -51,7 +51,7 @@ impl VolumeValues {
         })?;
         let every = scene.len().div_ceil(SAMPLES).max(1);
         let all = scene.units.iter().filter_map(|unit| sources::values(&unit.gaussians)).flatten();
-        let values: Vec<f64> = all.copied().filter(|x| x.is_finite()).step_by(every).collect();
+        let values: Vec<f64> = all.filter(|x| x.is_finite()).step_by(every).collect();
         let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| [l.min(*x), h.max(*x)]);
         Some(Arc::new(Self { file: file.clone(), range: unit.values.unwrap_or(ends), values }))
     }

@@ -82,6 +82,10 @@ pub struct ExtraColumn {
     pub values: ExtraValues,
 }
 
+/// Names of the columns that tell what a Gaussian stands for in its volume begin with this. They mean nothing without shading
+/// columns.
+pub const SOURCE_PREFIX: &str = "source_";
+
 /// Values of an uninterpreted column, in the type they had in the file.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs, reason = "each variant is named after the PLY scalar type it holds")]

@@ -181,6 +181,26 @@ mod tests {
     }
 
     #[test]
+    fn values_that_f32_does_not_hold_keep_their_digits() {
+        // Steps of f32 are 64 here.
+        let offset = 1e9;
+        let mut unit = unit(&[source(offset + 10.0, 0.0), source(offset + 30.0, 0.0)]);
+        let found = values(&unit.gaussians).unwrap();
+        assert_eq!(found, [offset + 10.0, offset + 30.0]);
+        unit.values = Some([offset, offset + 40.0]);
+        let mut shifted = ramp(Units::Raw, 40.0);
+        shifted.domain = [offset, offset + 40.0];
+        shifted.points.iter_mut().for_each(|point| point.value += offset);
+        reclassify(&mut unit, &shifted).unwrap();
+        let [low, high] = [0, 1].map(|i| unit.gaussians.opacity(i));
+        assert!(low > 0.1 && high > low + 0.2, "{low} {high}");
+        let plain = sg_scene::synthetic::test_scene(&[("bone", 1)]).units.remove(0);
+        let mut exact = BaseUnit { values: None, ..plain };
+        store(&[source(100.0, 0.0)], &mut exact.gaussians);
+        assert!(exact.gaussians.extra.iter().all(|column| column.name != "source_value_rest"));
+    }
+
+    #[test]
     fn a_narrower_domain_makes_clearer_boundaries() {
         let edge = Source { gradient: 2.0, consistency: 1.0, ..source(100.0, 0.0) };
         let mut unit = unit(&[edge]);

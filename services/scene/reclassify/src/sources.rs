@@ -2,14 +2,16 @@
 
 use glam::Vec3;
 use sg_scene::mask::Mask;
-use sg_scene::model::{ExtraColumn, ExtraValues, Gaussians, Scene};
+use sg_scene::model::{ExtraColumn, ExtraValues, Gaussians, SOURCE_PREFIX, Scene};
 use sg_volume::Classifier;
 use sg_volume::averages::{Average, Averages};
 
 use crate::optical_depth::dilogarithm;
 
-/// Mean value of the Gaussian's part of the volume, raw.
+/// Mean value of the Gaussian's part of the volume, raw, as the nearest f32.
 const VALUE: &str = "source_value";
+/// The rest of that value, where f32 does not hold it. All columns are f32, since some readers of PLY files know no other type.
+const REST: &str = "source_value_rest";
 /// Standard deviation of the values, raw.
 const SPREAD: &str = "source_spread";
 /// Change of the value across one voxel along the mean gradient, raw.
@@ -22,9 +24,6 @@ const SURFACENESS: &str = "source_surfaceness";
 const DEPTH: &str = "source_depth";
 /// Colour of the file minus that of its transfer function, where training changed it.
 const OFFSETS: [&str; 3] = ["source_red", "source_green", "source_blue"];
-
-/// Names of all columns begin with it.
-const PREFIX: &str = "source_";
 
 /// Logit of 1/8192, the least opacity that a picture of quality `standard` shows.
 const HIDDEN_LOGIT: f32 = -9.010_791;
@@ -57,7 +56,8 @@ pub struct Source {
 
 /// The columns of Gaussians with values of their volume.
 pub(crate) struct Columns<'a> {
-    value: &'a [f64],
+    value: &'a [f32],
+    rest: Option<&'a [f32]>,
     spread: &'a [f32],
     pub(crate) gradient: &'a [f32],
     pub(crate) consistency: &'a [f32],
@@ -74,10 +74,10 @@ impl<'a> Columns<'a> {
             ExtraValues::F32(values) => Some(values.as_slice()),
             _ => None,
         };
-        let ExtraValues::F64(value) = column(VALUE)? else { return None };
         let [red, green, blue] = OFFSETS.map(single);
         Some(Self {
-            value,
+            value: single(VALUE)?,
+            rest: single(REST),
             spread: single(SPREAD)?,
             gradient: single(GRADIENT)?,
             consistency: single(CONSISTENCY)?,
@@ -88,7 +88,7 @@ impl<'a> Columns<'a> {
     }
 
     pub(crate) fn value(&self, i: usize) -> f64 {
-        self.value[i]
+        f64::from(self.value[i]) + self.rest.map_or(0.0, |rest| f64::from(rest[i]))
     }
 
     /// Change of its colour by training.
@@ -99,7 +99,7 @@ impl<'a> Columns<'a> {
     /// The average of a transfer function over the values of a Gaussian.
     pub(crate) fn average(&self, averages: &Averages, i: usize) -> Average {
         let half = HALF_WIDTH * f64::from(self.spread[i]);
-        averages.over(self.value[i] - half, self.value[i] + half)
+        averages.over(self.value(i) - half, self.value(i) + half)
     }
 }
 
@@ -111,8 +111,9 @@ pub fn keeps_values(gaussians: &Gaussians) -> bool {
 
 /// The mean values of Gaussians in their volume, raw; `None` for Gaussians without them.
 #[must_use]
-pub fn values(gaussians: &Gaussians) -> Option<&[f64]> {
-    Columns::of(&gaussians.extra).map(|columns| columns.value)
+pub fn values(gaussians: &Gaussians) -> Option<Vec<f64>> {
+    let columns = Columns::of(&gaussians.extra)?;
+    Some((0..gaussians.len()).map(|i| columns.value(i)).collect())
 }
 
 /// The Gaussians that a transfer function hides: those with values of their volume and an opacity below 1/8192, which no picture
@@ -129,7 +130,7 @@ pub fn hidden(scene: &Scene) -> Mask {
 
 /// Takes the values from Gaussians. No transfer function changes their look then.
 pub fn forget(gaussians: &mut Gaussians) {
-    gaussians.extra.retain(|column| !column.name.starts_with(PREFIX));
+    gaussians.extra.retain(|column| !column.name.starts_with(SOURCE_PREFIX));
 }
 
 /// Adds a colour to that of Gaussians under every transfer function.
@@ -144,15 +145,19 @@ pub fn shift_colors(gaussians: &mut Gaussians, shift: Vec3) {
 pub fn store(sources: &[Source], gaussians: &mut Gaussians) {
     let single = |of: fn(&Source) -> f64| ExtraValues::F32(sources.iter().map(|source| of(source) as f32).collect());
     let columns = [
-        (VALUE, ExtraValues::F64(sources.iter().map(|source| source.value).collect())),
+        (VALUE, single(|source| source.value)),
         (SPREAD, single(|source| source.spread)),
         (GRADIENT, single(|source| source.gradient)),
         (CONSISTENCY, single(|source| source.consistency)),
         (SURFACENESS, single(|source| source.surfaceness)),
         (DEPTH, single(|source| source.depth)),
     ];
-    gaussians.extra.retain(|column| !OFFSETS.contains(&column.name.as_str()));
+    gaussians.extra.retain(|column| column.name != REST && !OFFSETS.contains(&column.name.as_str()));
     columns.into_iter().for_each(|(name, values)| set(gaussians, name, values));
+    let rest = |source: &Source| (source.value - f64::from(source.value as f32)) as f32;
+    if sources.iter().any(|source| rest(source) != 0.0) {
+        set(gaussians, REST, ExtraValues::F32(sources.iter().map(rest).collect()));
+    }
 }
 
 /// Stores the surfaceness that the shading of Gaussians is made for.

@@ -12,7 +12,7 @@ use crate::splat::activation::logit;
 use crate::splat::columns::C0;
 use crate::splat::columns::{is_normal, normal_columns};
 use crate::splat::problem::{Warning, WarningCode};
-use sg_scene::model::{BaseUnit, ExtraColumn, ExtraValues, Gaussians, Harmonics, Scene};
+use sg_scene::model::{BaseUnit, ExtraColumn, ExtraValues, Gaussians, Harmonics, SOURCE_PREFIX, Scene};
 
 /// All units, one after another in scene order.
 pub(crate) fn flatten<'a>(scene: &'a Scene, warnings: &mut Vec<Warning>) -> Cow<'a, Gaussians> {
@@ -39,7 +39,7 @@ fn flatten_unit<'a>(unit: &'a BaseUnit, warnings: &mut Vec<Warning>) -> Cow<'a, 
         let g = out.to_mut();
         g.shading = None;
         g.harmonics = Some(Harmonics { degree: 0, dc, rest: vec![] });
-        g.extra.retain(|e| !is_normal(&e.name));
+        g.extra.retain(|e| !is_normal(&e.name) && !e.name.starts_with(SOURCE_PREFIX));
         g.extra.splice(0..0, normal_columns(&shading.normal));
     } else {
         out = with_harmonics(&unit.gaussians);

@@ -1,7 +1,7 @@
 //! Editable scenes as scenes of fixed colours, and back.
 
 use glam::{DVec3, Vec3};
-use sg_scene::model::{BaseUnit, Convention, Scene};
+use sg_scene::model::{BaseUnit, Convention, ExtraColumn, ExtraValues, Scene};
 use sg_scene::synthetic::samples;
 
 use super::{C0, Folder, as_format};
@@ -20,7 +20,11 @@ fn unlit_color(unit: &BaseUnit, i: usize) -> DVec3 {
 #[test]
 fn two_units_become_one_of_fixed_colours() {
     let folder = Folder::new();
-    let scene = samples::two_units(100);
+    let mut scene = samples::two_units(100);
+    // Other programs get no column that only a transfer function reads.
+    let shaded = scene.units.iter_mut().find(|unit| unit.gaussians.shading.is_some()).unwrap();
+    let values = ExtraValues::F32(vec![7.0; shaded.gaussians.len()]);
+    shaded.gaussians.extra.push(ExtraColumn { name: "source_value".to_owned(), values });
     let loaded = folder.through("a.ply", &scene, &as_format(Format::THREE_DGS));
     let one = &loaded.scene.units[0];
     assert_eq!(one.gaussians.len(), 200);
