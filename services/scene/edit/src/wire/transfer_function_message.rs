@@ -54,10 +54,12 @@ pub fn decode_transfer_function(message: &proto::TransferFunction) -> Result<Arc
     }
     let point = |point: &proto::ControlPoint| {
         let color = point.color.as_ref().ok_or(WireError::Missing("transfer_function.points.color"))?;
-        Ok(ControlPoint { value: point.value, color: decode_color(color).to_array(), opacity: point.opacity })
+        // One form of zero: equal functions make no event, so they must be the same to the bit.
+        let color = decode_color(color).to_array().map(|x| x + 0.0);
+        Ok(ControlPoint { value: point.value + 0.0, color, opacity: point.opacity + 0.0 })
     };
     let function = TransferFunction {
-        domain: [message.low, message.high],
+        domain: [message.low, message.high].map(|x| x + 0.0),
         units: if message.normalized { Units::Normalized } else { Units::Raw },
         scale,
         variable: None,
@@ -87,6 +89,10 @@ mod tests {
         };
         let message = encode_transfer_function(&function);
         assert_eq!(*decode_transfer_function(&message).unwrap(), function);
+        let mut negative = encode_transfer_function(&TransferFunction { scale: Scale::Linear, ..function.clone() });
+        (negative.low, negative.points[0].opacity) = (-0.0, -0.0);
+        let zero = decode_transfer_function(&negative).unwrap();
+        assert!(zero.domain[0].is_sign_positive() && zero.points[0].opacity.is_sign_positive());
         let spoiled = |spoil: &dyn Fn(&mut proto::TransferFunction)| {
             let mut message = message.clone();
             spoil(&mut message);
