@@ -47,8 +47,8 @@ impl UnitStatistics {
     }
 }
 
-/// Extinction of one base unit in the bounding box of its voxels that are visible or can be. The box has a margin of one transparent voxel,
-/// except at the border of the volume.
+/// Extinction of one base unit in the bounding box of its voxels that are visible or can be. The box has a margin of one transparent
+/// voxel, except at the border of the volume.
 pub(crate) struct Crop {
     /// The box's first voxel in the volume.
     pub(crate) first: UVec3,

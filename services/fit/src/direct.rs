@@ -352,14 +352,13 @@ fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
 /// empty space around the subject do not count.
 fn emphasis_of_values(field: &Field, smooth: &Field, surfaceness: &Surfaceness) -> Vec<f32> {
     let [low, high] = background_values(field).unwrap_or([f64::NAN; 2]);
-    let [nx, ny, _] = field.grid().dims();
     let emphasis = |i: usize| {
         let raw = field.raw(i);
         if !raw.is_finite() {
             return 0.0;
         }
-        let (x, y, z) = (i % nx, i / nx % ny, i / nx / ny);
-        let boundary = surfaceness.at(raw, smooth.gradient_at(x, y, z).length());
+        let at = field.grid().voxel(i);
+        let boundary = surfaceness.at(raw, smooth.gradient_at(at.x, at.y, at.z).length());
         let inside = if low <= raw && raw <= high { 0.0 } else { HOMOGENEOUS };
         inside + (1.0 - HOMOGENEOUS) * boundary
     };

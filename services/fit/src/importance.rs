@@ -84,11 +84,8 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32, hidden: f32) -
             *e = (-*e).exp().max(interior) * (1.0 + BOUNDARY_GAIN * boundary);
         }
     });
-    let weights: Vec<f32> = emphasis
-        .par_iter()
-        .enumerate()
-        .map(|(at, e)| (e * opacity(at)).max(hidden * crop.emphasis.get(at).copied().unwrap_or(0.0)))
-        .collect();
+    let least = |at: usize| hidden * crop.emphasis.get(at).copied().unwrap_or(0.0);
+    let weights: Vec<f32> = emphasis.par_iter().enumerate().map(|(at, e)| (e * opacity(at)).max(least(at))).collect();
     let greatest = weights.par_iter().copied().reduce(|| 0.0, f32::max);
     let mut list = Vec::new();
     let mut total = 0.0;
@@ -99,7 +96,7 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32, hidden: f32) -
             let p = crop.first + UVec3::new(x, y, z);
             // A grid has fewer than 2³² voxels.
             let voxel = grid.index(p.x as usize, p.y as usize, p.z as usize) as u32;
-            list.push(Candidate { voxel, weight, least: hidden * crop.emphasis.get(at).copied().unwrap_or(0.0) });
+            list.push(Candidate { voxel, weight, least: least(at) });
             total += f64::from(weight);
         }
     });

@@ -352,9 +352,7 @@ fn what_training_changed_stays_under_its_own_function() {
         let color = &mut gaussians.shading.as_mut().unwrap().offset_color[i];
         *color = (*color + 0.05 * wave).clamp(-started.units[0].palette, 1.0 - started.units[0].palette);
     }
-    let palette = trained.units[0].palette;
-    let first = &started.units[0].gaussians;
-    sg_reclassify::sources::follow_training(&mut trained.units[0].gaussians, first, palette, &classifier);
+    sg_reclassify::sources::follow_training(&mut trained, &started, &classifier);
     let mut again = trained.clone();
     sg_reclassify::reclassify(&mut again.units[0], &f).unwrap();
     let (before, after) = (&trained.units[0].gaussians, &again.units[0].gaussians);

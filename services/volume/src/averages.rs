@@ -25,6 +25,12 @@ struct Integrals {
 }
 
 impl Integrals {
+    /// Those of one look over a range of length 1.
+    fn of((color, opacity): (Vec3, f32)) -> Self {
+        let opacity = f64::from(opacity);
+        Self { opacity, depth: mean_depth(opacity, opacity), color: color.as_dvec3() * opacity }
+    }
+
     fn plus(self, other: Self) -> Self {
         Self { opacity: self.opacity + other.opacity, depth: self.depth + other.depth, color: self.color + other.color }
     }
@@ -74,9 +80,8 @@ fn segments(classifier: &Classifier) -> Vec<Segment> {
     let linear = |pair: &[f64]| {
         let &[from, to] = pair else { return None };
         let after = knots.partition_point(|knot| *knot <= 0.5 * (from + to));
-        // Before the first control point and behind the last one the function is constant.
+        // Before the first control point and behind the last one the function is constant: both are the same point there.
         let (low, high) = (after.saturating_sub(1), after.min(knots.len() - 1));
-        let (low, high) = if after == 0 { (high, high) } else { (low, high) };
         let place = |x: f64| if high > low { (x - knots[low]) / (knots[high] - knots[low]) } else { 0.0 };
         let between = |x: f64| {
             let ((c0, o0), (c1, o1)) = (samples[low], samples[high]);
@@ -151,9 +156,7 @@ impl Averages {
     }
 
     fn point(&self, raw: f64) -> Integrals {
-        let (color, opacity) = self.classifier.evaluate(raw);
-        let opacity = f64::from(opacity);
-        Integrals { opacity, depth: mean_depth(opacity, opacity), color: color.as_dvec3() * opacity }
+        Integrals::of(self.classifier.evaluate(raw))
     }
 
     fn average(&self, sum: Integrals, middle: f64) -> Average {
@@ -196,9 +199,7 @@ impl Averages {
     }
 
     fn point_of_scaled(&self, x: f64) -> Integrals {
-        let (color, opacity) = self.classifier.at(x);
-        let opacity = f64::from(opacity);
-        Integrals { opacity, depth: mean_depth(opacity, opacity), color: color.as_dvec3() * opacity }
+        Integrals::of(self.classifier.at(x))
     }
 }
 

@@ -142,16 +142,20 @@ pub(crate) fn robust_range(field: &Field) -> Result<(f64, f64), AutomaticError> 
 #[must_use]
 pub fn background_values(field: &Field) -> Option<[f64; 2]> {
     let (low, high) = robust_range(field).ok()?;
-    let histogram = Histogram::of(field, low, high);
-    let middle = background_bin(field, &histogram);
-    let least = histogram.counts.get(middle)? / FREQUENT;
+    Some(background_in(field, &Histogram::of(field, low, high)))
+}
+
+/// As [`background_values`], with the histogram of the field.
+pub(crate) fn background_in(field: &Field, histogram: &Histogram) -> [f64; 2] {
+    let middle = background_bin(field, histogram);
+    let least = histogram.counts[middle] / FREQUENT;
     let is_frequent = |bin: &usize| histogram.counts.get(*bin).is_some_and(|count| *count > least);
     let first = (0..=middle).rev().take_while(is_frequent).last().unwrap_or(middle);
     let last = (middle..BINS).take_while(is_frequent).last().unwrap_or(middle);
     // The bins at the ends count what lies beyond them too.
     let low = if first == 0 { f64::NEG_INFINITY } else { histogram.border(first) };
     let high = if last + 1 == BINS { f64::INFINITY } else { histogram.border(last + 1) };
-    Some([low, high])
+    [low, high]
 }
 
 /// The most frequent bin on the outer faces of the volume. In a thin volume all voxels count.

@@ -1,17 +1,16 @@
 //! Base units suggested by the values of a volume and their gradients.
 //!
 //! Materials are clusters in the plane of value and gradient (Kindlmann and Durkin 1998, "Semi-automatic generation of transfer
-//! functions for direct volume rendering"; Kniss et al. 2002): the inside of a material has few values and no gradient, and its
-//! boundary is an arc between two of them. So each voxel counts by how homogeneous it is. The histogram of what is left has a
+//! functions for direct volume rendering"; Kniss et al. 2002). The inside of a material has few values and no gradient. A boundary is
+//! an arc between two of them. So each voxel counts by how homogeneous it is. The histogram of what is left has a
 //! peak for each material, without the values between two of them. A peak counts by its prominence over the deeper of the
 //! valleys beside it, on a logarithmic scale: a rare dense material matters as much as a frequent one.
 
-use glam::USizeVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::field::Field;
-use crate::histogram::{AutomaticError, BINS, Histogram, background_values, from_borders, robust_range};
+use crate::histogram::{AutomaticError, BINS, Histogram, background_in, from_borders, robust_range};
 use crate::surfaceness::Surfaceness;
 use crate::transfer::TransferFunction;
 
@@ -23,6 +22,9 @@ const BLUR: f64 = 2.0;
 const LEAST_PROMINENCE: f64 = 0.7;
 /// Least number of homogeneous voxels at a peak, a bin.
 const LEAST_HEIGHT: f64 = 4.0;
+
+/// Voxels that are counted together.
+const PART: usize = 1 << 18;
 
 /// Most base units that can be suggested.
 pub const MOST_UNITS: usize = 7;
@@ -66,7 +68,7 @@ struct Peak {
 pub fn suggest_base_units(field: &Field, most: usize, variable: Option<&str>) -> Result<Suggestion, AutomaticError> {
     let (low, high) = robust_range(field)?;
     let histogram = Histogram::of(field, low, high);
-    let [first, last] = background_values(field).unwrap_or([f64::NAN; 2]);
+    let [first, last] = background_in(field, &histogram);
     let is_background = |bin: usize| {
         let middle = 0.5 * (histogram.border(bin) + histogram.border(bin + 1));
         first <= middle && middle <= last
@@ -118,32 +120,27 @@ fn homogeneous_counts(field: &Field, histogram: &Histogram) -> Vec<f64> {
     let grid = field.grid();
     let edge = grid.voxel_volume().cbrt();
     let factor = BINS as f64 / (histogram.high - histogram.low);
-    let [nx, ny, _] = grid.dims();
     let slope = edge / (histogram.high - histogram.low);
-    (0..grid.len() / nx)
-        .into_par_iter()
-        .fold(
-            || vec![0.0; BINS],
-            |mut counts: Vec<f64>, row| {
-                for x in 0..nx {
-                    let at = USizeVec3::new(x, row % ny, row / ny);
-                    let raw = field.raw(grid.index(at.x, at.y, at.z));
-                    let rise = f64::from(smooth.gradient_at(at.x, at.y, at.z).length()) * slope;
-                    let bin = (raw - histogram.low) * factor;
-                    if raw.is_finite() && (0.0..=BINS as f64).contains(&bin) {
-                        counts[(bin as usize).min(BINS - 1)] += 1.0 - f64::from(Surfaceness::of_rise(rise as f32));
-                    }
-                }
-                counts
-            },
-        )
-        .reduce(
-            || vec![0.0; BINS],
-            |mut a, b| {
-                a.iter_mut().zip(b).for_each(|(x, y)| *x += y);
-                a
-            },
-        )
+    let of_part = |part: usize| {
+        let mut counts = vec![0.0; BINS];
+        for i in part * PART..((part + 1) * PART).min(grid.len()) {
+            let raw = field.raw(i);
+            let bin = (raw - histogram.low) * factor;
+            if raw.is_finite() && (0.0..=BINS as f64).contains(&bin) {
+                let at = grid.voxel(i);
+                let rise = f64::from(smooth.gradient_at(at.x, at.y, at.z).length()) * slope;
+                counts[(bin as usize).min(BINS - 1)] += 1.0 - f64::from(Surfaceness::of_rise(rise as f32));
+            }
+        }
+        counts
+    };
+    // Sums of fractions depend on their order, so the parts are added in theirs, on any number of threads.
+    let parts: Vec<Vec<f64>> = (0..grid.len().div_ceil(PART)).into_par_iter().map(of_part).collect();
+    let mut all = vec![0.0; BINS];
+    for part in parts {
+        all.iter_mut().zip(part).for_each(|(sum, count)| *sum += count);
+    }
+    all
 }
 
 /// The heights with a Gaussian of [`BLUR`] bins; the ends repeat nothing.

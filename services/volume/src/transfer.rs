@@ -149,6 +149,14 @@ pub struct LoadedTransferFunction {
     pub ignored_keys: Vec<String>,
 }
 
+impl LoadedTransferFunction {
+    /// A line for a person for each unknown key. `path` is the file.
+    pub fn notes(&self, path: &Path) -> impl Iterator<Item = String> {
+        let path = path.display();
+        self.ignored_keys.iter().map(move |key| format!("note: {path}: the unknown key `{key}` is ignored"))
+    }
+}
+
 const KEYS: [&str; 6] = ["domain", "units", "scale", "variable", "points", "base_units"];
 
 impl TransferFunction {

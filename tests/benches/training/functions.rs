@@ -104,9 +104,7 @@ fn trained(arguments: &crate::Arguments, field: &Field, function: &TransferFunct
         TrainingOptions { iterations: usize::MAX, seconds: Some(arguments.seconds), ..TrainingOptions::default() };
     let mut scene = start.clone();
     train(&mut scene, &views, &held_out, &options, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
-    for (unit, start) in scene.units.iter_mut().zip(&start.units) {
-        sources::follow_training(&mut unit.gaussians, &start.gaussians, unit.palette, &classifier);
-    }
+    sources::follow_training(&mut scene, start, &classifier);
     scene
 }
 

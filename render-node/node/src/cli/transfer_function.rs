@@ -10,8 +10,6 @@ use super::failure::Failure;
 /// The transfer function of a file; prints its unknown keys.
 pub(super) fn read_transfer_function(path: &Path) -> Result<TransferFunction, Failure> {
     let loaded = TransferFunction::load(path).map_err(Failure::input)?;
-    for key in &loaded.ignored_keys {
-        print::status(&format!("note: {}: the unknown key `{key}` is ignored", path.display()));
-    }
+    loaded.notes(path).for_each(|note| print::status(&note));
     Ok(loaded.function)
 }

@@ -15,7 +15,7 @@ use super::control::{Number, scale};
 use super::output::Output;
 use super::pick_color::{Picked, color_button};
 use super::state::Panels;
-use super::transfer::{Curve, to_color32};
+use super::transfer::{Curve, place_in, to_color32};
 use super::volume_values::{BARS, Bars, VolumeValues};
 use crate::display::ViewState;
 use crate::display::number_format::{number, percent};
@@ -63,23 +63,23 @@ impl Panels {
 
     pub(super) fn transfer_function(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         let Some(volume) = self.volume.clone() else { return };
-        let shown = state.scene.transfer_function();
-        let function = shown.map_or_else(|| volume.file.clone(), |function| (**function).clone());
-        let function = TransferFunction { base_units: Vec::new(), variable: volume.file.variable.clone(), ..function };
-        let Some(curve) = Curve::of(&function, "") else { return };
+        let shown = state.scene.transfer_function().map(|function| &**function);
+        let function = shown.unwrap_or(&volume.file);
+        // No base unit is without a name, so the curve is that of all values.
+        let Some(curve) = Curve::shown(&volume.file, shown, "") else { return };
         // A point is always chosen: controls that come and go would move the plot under the hand.
         self.function.chosen = self.function.chosen.min(function.points.len().saturating_sub(1));
-        let mut changed = self.function_plot(ui, &volume, &function, &curve, output);
+        let mut changed = self.function_plot(ui, &volume, function, &curve, output);
         ui.label(RichText::new("Drag a point, double-click for a new one.").weak());
         let [low, high] = function.domain;
-        let (mut level, mut window) = level_and_window(&function);
+        let (mut level, mut window) = level_and_window(function);
         let slider = |name, range| Number { name, range, logarithmic: false, text: number };
         let moved = slider("level", low..=high).show(ui, &mut level);
         // A window of 0 would put all points in one place for good.
         if moved | slider("window", 1e-3 * (high - low)..=high - low).show(ui, &mut window) {
-            changed = Some(windowed(&function, level, window));
+            changed = Some(windowed(function, level, window));
         }
-        changed = self.control_point(ui, &function, self.function.chosen, output).or(changed);
+        changed = self.control_point(ui, function, self.function.chosen, output).or(changed);
         ui.horizontal_wrapped(|ui| {
             let own = ui.add_enabled(shown.is_some(), Button::new("as in the file"));
             if own.on_hover_text("the transfer function that the scene was made with").clicked() {
@@ -112,8 +112,8 @@ impl Panels {
         });
         let plot = Rect::from_min_size(whole.min, vec2(whole.width(), HEIGHT * scale(ui)));
         let inner = plot.shrink(RADIUS * scale(ui));
-        let at = |x: f32, y: f32| pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height());
-        let places: Vec<Pos2> = function.points.iter().map(|p| at(curve.place(p.value), p.opacity)).collect();
+        let places: Vec<Pos2> =
+            function.points.iter().map(|p| place_in(inner, curve.place(p.value), p.opacity)).collect();
         let nearest = |pointer: Pos2| {
             let distances = places.iter().enumerate().map(|(i, place)| (i, place.distance(pointer)));
             distances.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, d)| *d < REACH * scale(ui)).map(|(i, _)| i)
@@ -143,7 +143,7 @@ impl Panels {
             self.function.is_dragged = false;
         }
         let bars = self.function.bars(volume, curve, function);
-        self.paint_function(ui, (plot, whole), &bars, (function, curve, &places));
+        self.paint_function(ui, (whole, plot, inner), &bars, (function, curve, &places));
         changed
     }
 
@@ -166,14 +166,13 @@ impl Panels {
     fn paint_function(
         &self,
         ui: &Ui,
-        (plot, whole): (Rect, Rect),
+        (whole, plot, inner): (Rect, Rect, Rect),
         bars: &Bars,
         (function, curve, places): (&TransferFunction, &Curve, &[Pos2]),
     ) {
         let painter: Painter = ui.painter_at(whole);
         let visuals = ui.visuals();
         painter.rect_filled(plot, 4.0, visuals.extreme_bg_color);
-        let inner = plot.shrink(RADIUS * scale(ui));
         for (k, height) in bars.iter().enumerate() {
             let x = |k: usize| inner.left() + inner.width() * k as f32 / BARS as f32;
             let top = inner.bottom() - inner.height() * height;

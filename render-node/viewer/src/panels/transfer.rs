@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use egui::epaint::{Mesh, Vertex, WHITE_UV};
-use egui::{Align2, Color32, Painter, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2};
+use egui::{
+    Align2, Color32, Painter, Pos2, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2,
+};
 use glam::Vec3;
 use sg_scene::model::Scene;
 use sg_volume::scalars::ValueRange;
@@ -95,7 +97,7 @@ impl Curve {
         let visuals = ui.visuals();
         painter.rect_filled(plot, 4.0, visuals.extreme_bg_color);
         let inner = plot.shrink(2.0);
-        let at = |x: f32, y: f32| pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height());
+        let at = |x: f32, y: f32| place_in(inner, x, y);
         self.paint(&painter, inner, visuals.text_color());
         if let Some(range) = self.range {
             for end in range {
@@ -108,7 +110,7 @@ impl Curve {
 
     /// Draws the colours below the curve, and the curve.
     pub(super) fn paint(&self, painter: &Painter, inner: Rect, line: Color32) {
-        let at = |x: f32, y: f32| pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height());
+        let at = |x: f32, y: f32| place_in(inner, x, y);
         let mut mesh = Mesh::default();
         let mut edge = Vec::with_capacity(self.samples.len());
         for (k, (color, opacity)) in self.samples.iter().enumerate() {
@@ -147,6 +149,11 @@ impl Curve {
         };
         below(Align2::CENTER_TOP, plot.center().x, middle);
     }
+}
+
+/// The place of a position on the axis and an opacity, 0 to 1, in a plot.
+pub(super) fn place_in(inner: Rect, x: f32, opacity: f32) -> Pos2 {
+    pos2(inner.left() + x * inner.width(), inner.bottom() - opacity * inner.height())
 }
 
 /// Inverts the scale: returns the value for a scaled one.

@@ -254,9 +254,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         (_, Some(suggested)) => suggested.function.clone(),
         (Some(file), None) => {
             let loaded = TransferFunction::load(file).map_err(input)?;
-            for key in &loaded.ignored_keys {
-                print_line(&format!("note: {}: the unknown key `{key}` is ignored", file.display()));
-            }
+            loaded.notes(file).for_each(|note| print_line(&note));
             loaded.function
         }
         (None, None) => automatic_transfer_function(&field, volume.variable())
@@ -293,25 +291,17 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         }
     };
     scene.orientation = orientation;
+    let classifier = function.classifier(field.range()).map_err(|e| input(format!("{}: {e}", path.display())))?;
     let trained = if args.initial_only {
         None
     } else {
-        let classifier = function.classifier(field.range()).map_err(|e| input(format!("{}: {e}", path.display())))?;
         let start = scene.clone();
         let report = args.training.run(&mut scene, (&field, &classifier), args.seed, args.progress_lines);
         let report = report.map_err(|e| work(format!("{}: {e}", path.display())))?;
-        for (trained, start) in scene.units.iter_mut().zip(&start.units) {
-            sources::follow_training(&mut trained.gaussians, &start.gaussians, trained.palette, &classifier);
-        }
+        sources::follow_training(&mut scene, &start, &classifier);
         Some(report)
     };
-    let scores = match (&labels, &suggested) {
-        (Some(labels), Some(suggested)) => {
-            let classifier = suggested.function.classifier(field.range());
-            label_scores(&field, &classifier.map_err(|e| input(format!("{}: {e}", path.display())))?, labels)
-        }
-        _ => None,
-    };
+    let scores = labels.as_ref().filter(|_| suggested.is_some()).and_then(|l| label_scores(&field, &classifier, l));
     // Labels come before any output, so a wrong label volume leaves no partial result.
     let truth = labels
         .filter(|_| args.out_truth.is_some())

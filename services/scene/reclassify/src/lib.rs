@@ -9,4 +9,4 @@ pub mod optical_depth;
 mod reclassify;
 pub mod sources;
 
-pub use reclassify::{ReclassifyError, check, check_scene, reclassify, reclassify_scene};
+pub use reclassify::{ReclassifyError, check_scene, reclassify, reclassify_scene};

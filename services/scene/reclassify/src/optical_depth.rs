@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// Largest opacity of a Gaussian: 1 has no logit.
-pub const MAX_OPACITY: f64 = 0.995;
+const MAX_OPACITY: f64 = 0.995;
 
 /// Logit of the opacity of Gaussians that a transfer function hides: 2·10⁻⁹, which no picture shows.
 const LEAST_LOGIT: f64 = -20.0;
@@ -108,6 +108,13 @@ mod tests {
     fn logits_of_hidden_gaussians_are_finite() {
         assert_eq!([0.0, f64::NAN, 0.5].map(logit_of), [-20.0, -20.0, 0.0]);
         assert!((logit_of(0.9) - 9.0_f32.ln()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_table_keeps_the_digits_of_faint_gaussians() {
+        // Below the first step of the table.
+        let x = 4.166_459_164_228_656e-5;
+        assert!((fast_opacity_of(x) / opacity_of(x) - 1.0).abs() <= 1e-5);
     }
 
     proptest! {

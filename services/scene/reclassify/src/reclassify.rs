@@ -69,10 +69,7 @@ pub fn reclassify_scene(scene: &mut Scene, function: &TransferFunction) -> Resul
 }
 
 /// Whether a base unit can have this transfer function.
-///
-/// # Errors
-/// [`ReclassifyError`].
-pub fn check(unit: &BaseUnit, function: &TransferFunction) -> Result<(), ReclassifyError> {
+fn check(unit: &BaseUnit, function: &TransferFunction) -> Result<(), ReclassifyError> {
     if Columns::of(&unit.gaussians.extra).is_none() {
         return Err(ReclassifyError::NoValues(unit.name.clone()));
     }

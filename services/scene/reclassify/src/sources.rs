@@ -173,15 +173,21 @@ fn set(gaussians: &mut Gaussians, name: &str, values: ExtraValues) {
 }
 
 /// Makes the values of Gaussians fit opacities, lengths and colours that a training has changed. The transfer function is that of
-/// the training. So that function gives back the trained Gaussians, and others keep what training found out about the depth
-/// of each one. `start` has the Gaussians before the training, in the same order.
-pub fn follow_training(trained: &mut Gaussians, start: &Gaussians, palette: Vec3, classifier: &Classifier) {
-    let Some(columns) = Columns::of(&start.extra) else { return };
+/// the training. So that function gives back the trained scene, and others keep what training found out about the depth of each
+/// Gaussian. `start` is the scene before the training, with the same Gaussians.
+pub fn follow_training(trained: &mut Scene, start: &Scene, classifier: &Classifier) {
     let averages = Averages::new(classifier);
+    for (unit, start) in trained.units.iter_mut().zip(&start.units) {
+        follow(&mut unit.gaussians, &start.gaussians, unit.palette, &averages);
+    }
+}
+
+fn follow(trained: &mut Gaussians, start: &Gaussians, palette: Vec3, averages: &Averages) {
+    let Some(columns) = Columns::of(&start.extra) else { return };
     let mut depths = Vec::with_capacity(trained.len());
     let mut offsets = [(); 3].map(|()| Vec::with_capacity(trained.len()));
     for i in 0..trained.len() {
-        let average = columns.average(&averages, i);
+        let average = columns.average(averages, i);
         // By the lengths alone: the same matter over another area of the picture.
         let own = f64::from(columns.depth[i]) * area(start, i) / area(trained, i);
         let found = dilogarithm(f64::from(trained.opacity(i)).clamp(0.0, 1.0)) / average.depth;

@@ -35,13 +35,19 @@ pub(crate) fn editor() -> Editor {
     Editor::new(scene, state)
 }
 
-/// As [`editor`], where `bone` keeps values of a volume: 100 times its index.
-fn volume_editor() -> Editor {
-    let mut units = test_scene(&[("bone", 20), ("skin", 15), ("Vessel", 25)]).units;
+/// A test scene of which the first unit keeps values of a volume: 100 times the index of a Gaussian.
+fn volume_of(units: &[(&str, usize)]) -> Arc<Scene> {
+    let mut units = test_scene(units).units;
     let source = |i: usize| Source { value: 100.0 * i as f64, depth: 1.0, ..Source::default() };
-    store(&(0..20).map(source).collect::<Vec<_>>(), &mut units[0].gaussians);
+    let sources: Vec<_> = (0..units[0].gaussians.len()).map(source).collect();
+    store(&sources, &mut units[0].gaussians);
     units[0].values = Some([0.0, 2000.0]);
-    let scene = Arc::new(Scene::compose(units, None));
+    Arc::new(Scene::compose(units, None))
+}
+
+/// As [`editor`], where `bone` keeps values of a volume.
+fn volume_editor() -> Editor {
+    let scene = volume_of(&[("bone", 20), ("skin", 15), ("Vessel", 25)]);
     let state = EditState::of_scene(&scene, "scene.toml", "hash");
     Editor::new(scene, state)
 }

@@ -6,23 +6,17 @@ use glam::Vec3;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Reset, SetTransferFunction, Undo};
 use sg_reclassify::ReclassifyError;
-use sg_reclassify::sources::{Source, store};
 use sg_scene::model::Scene;
-use sg_scene::synthetic::test_scene;
 use sg_volume::TransferFunction;
 use sg_volume::transfer::{ControlPoint, Scale, Units};
 
-use super::{BLUE, color, commit_of, duplicate, editor, lock, refused, run, save, shift, units};
+use super::{BLUE, color, commit_of, duplicate, editor, lock, refused, run, save, shift, units, volume_of};
 use crate::wire::encode_transfer_function;
 use crate::{EditError, EditState, Editor, PlacedScene};
 
 /// Base units `bone` (0..20), with the value 100 times its index, and `label` (20..30) without values.
 fn volume() -> Arc<Scene> {
-    let mut units = test_scene(&[("bone", 20), ("label", 10)]).units;
-    let source = |i: usize| Source { value: 100.0 * i as f64, depth: 1.0, ..Source::default() };
-    store(&(0..20).map(source).collect::<Vec<_>>(), &mut units[0].gaussians);
-    units[0].values = Some([0.0, 2000.0]);
-    Arc::new(Scene::compose(units, None))
+    volume_of(&[("bone", 20), ("label", 10)])
 }
 
 fn of_volume() -> Editor {
