@@ -231,6 +231,19 @@ mod tests {
     }
 
     #[test]
+    fn training_of_a_damaged_file_does_not_panic() {
+        let depths = [1.0, -2.0, f64::NAN, 0.0, f64::INFINITY];
+        let mut start = unit(&depths.map(|depth| Source { depth, ..source(100.0, 0.0) }));
+        start.gaussians.log_scale[4] = Vec3::splat(f32::NEG_INFINITY);
+        let start = Scene::compose(vec![start], None);
+        let (mut trained, function) = (start.clone(), ramp(Units::Raw, 200.0));
+        let classifier = bound(&start.units[0], &function).unwrap();
+        sources::follow_training(&mut trained, &start, &classifier);
+        reclassify(&mut trained.units[0], &function).unwrap();
+        assert!(trained.units[0].gaussians.opacity_logit.iter().all(|logit| logit.is_finite()));
+    }
+
+    #[test]
     fn hidden_shifted_and_forgotten_values() {
         let mut unit = unit(&[source(0.0, 0.0), source(100.0, 0.0)]);
         let function = ramp(Units::Raw, 200.0);

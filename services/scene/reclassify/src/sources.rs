@@ -191,7 +191,8 @@ fn follow(trained: &mut Gaussians, start: &Gaussians, palette: Vec3, averages: &
         // By the lengths alone: the same matter over another area of the picture.
         let own = f64::from(columns.depth[i]) * area(start, i) / area(trained, i);
         let found = dilogarithm(f64::from(trained.opacity(i)).clamp(0.0, 1.0)) / average.depth;
-        let depth = if average.depth > LEAST_DEPTH && found.is_finite() {
+        // The columns of a damaged file can hold anything.
+        let depth = if average.depth > LEAST_DEPTH && found.is_finite() && own > 0.0 {
             found.clamp(own / GREATEST_FACTOR, own * GREATEST_FACTOR)
         } else {
             own
