@@ -18,7 +18,7 @@ const SERIES: f64 = 0.01;
 /// Steps of the table of opacities.
 const STEPS: usize = 1 << 14;
 
-/// The opacity o with Li₂(o) = x, at most [`MAX_OPACITY`]; 0 for x below 0 and NaN.
+/// The opacity o with Li₂(o) = x, at most 0.995; 0 for x below 0 and NaN.
 #[must_use]
 pub fn opacity_of(x: f64) -> f64 {
     if x.is_nan() || x <= 0.0 {
