@@ -18,7 +18,17 @@ impl TransferFunction {
             Units::Normalized if values.high > values.low => (values.low, 1.0 / (values.high - values.low)),
             Units::Normalized => (values.low, 0.0),
         };
+        // Those of a constant volume are not finite: all its values are one.
+        let mut bends: Vec<f64> = (self.points.iter().map(|p| p.value))
+            .chain(self.domain)
+            .chain(self.base_units.iter().flat_map(|unit| unit.range))
+            .map(|x| x / factor + shift)
+            .filter(|x| x.is_finite())
+            .collect();
+        bends.sort_by(f64::total_cmp);
+        bends.dedup();
         Ok(Classifier {
+            bends,
             shift,
             factor,
             domain: self.domain,
@@ -45,6 +55,8 @@ pub struct Classifier {
     /// Scaled values of the control points, increasing; as many as `samples`, at least one.
     knots: Vec<f64>,
     samples: Vec<(Vec3, f32)>,
+    /// Raw values at which colour or opacity may bend or jump, increasing.
+    bends: Vec<f64>,
     units: Vec<[f64; 2]>,
     /// Factors on the opacity of each base unit; those that are missing are 1.
     factors: Vec<f32>,
@@ -110,6 +122,12 @@ impl Classifier {
     /// Scaled values of the control points, increasing, and their colours and opacities; at least one.
     pub(crate) fn control_points(&self) -> (&[f64], &[(Vec3, f32)]) {
         (&self.knots, &self.samples)
+    }
+
+    /// Raw values at which colour or opacity may bend or jump, increasing: between two of them, both follow the scale of the
+    /// function without a bend.
+    pub(crate) fn bends(&self) -> &[f64] {
+        &self.bends
     }
 
     /// Least and greatest scaled value.

@@ -20,7 +20,7 @@ use crate::opacity::correct_opacity;
 use crate::surfaceness::Surfaceness;
 use crate::visible_blocks::VisibleBlocks;
 
-use clip::kept_parts;
+pub(crate) use clip::kept_parts;
 pub use clip::{ClipRegion, HalfSpace};
 use fast::FastMarcher;
 
@@ -91,6 +91,17 @@ pub struct Image {
     pub pixels: Vec<[f32; 4]>,
 }
 
+/// A volume under a transfer function that gives pictures.
+pub trait VolumeRenderer {
+    /// The picture with one ray through each pixel, exact up to the step of the samples.
+    #[must_use]
+    fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image;
+
+    /// The same picture, faster and off by less than 1/255 almost everywhere.
+    #[must_use]
+    fn fast_picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image;
+}
+
 /// Renders a volume. `step` is the sampling distance in units of the smallest voxel spacing; ½ is a good value.
 #[must_use]
 pub fn render(
@@ -148,20 +159,6 @@ impl<'a> RayMarcher<'a> {
     #[must_use]
     pub fn clipped(self, clips: Vec<ClipRegion>) -> Self {
         Self { clips, ..self }
-    }
-
-    /// Marches a ray through each pixel, in f64.
-    #[must_use]
-    pub fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
-        self.pixels(camera, background, |ray, near, far, seen| self.march(ray, (near, far), lighting, seen))
-    }
-
-    /// The same picture several times as fast, off by less than 1/255 almost everywhere. Samples have the same places. Their values
-    /// are in f32, colours and opacities come from a table, and a ray stops at a transmittance of 1/2000.
-    #[must_use]
-    pub fn fast_picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
-        let fast = FastMarcher::new(self, lighting);
-        self.pixels(camera, background, |ray, near, far, seen| fast.march(ray, (near, far), seen))
     }
 
     /// Calls `march` for the kept parts of each ray, from near to far.
@@ -242,6 +239,20 @@ impl<'a> RayMarcher<'a> {
     }
 }
 
+impl VolumeRenderer for RayMarcher<'_> {
+    /// Marches a ray through each pixel, in f64.
+    fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
+        self.pixels(camera, background, |ray, near, far, seen| self.march(ray, (near, far), lighting, seen))
+    }
+
+    /// The same picture several times as fast, off by less than 1/255 almost everywhere. Samples have the same places. Their values
+    /// are in f32, colours and opacities come from a table, and a ray stops at a transmittance of 1/2000.
+    fn fast_picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
+        let fast = FastMarcher::new(self, lighting);
+        self.pixels(camera, background, |ray, near, far, seen| fast.march(ray, (near, far), seen))
+    }
+}
+
 /// What a ray has met: premultiplied colour, and what of the light behind it remains.
 #[derive(Clone, Copy)]
 struct Seen {
@@ -265,7 +276,7 @@ impl Material {
         }
     }
 
-    fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
+    pub(crate) fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
         let (to_light, half) = match light {
             Illumination::Headlight => (to_eye, to_eye),
             Illumination::Direction(direction) => {

@@ -27,10 +27,12 @@
 pub mod averages;
 pub mod classifier;
 mod classifier_table;
+pub mod dataset;
 pub mod dvr;
 pub mod field;
 pub mod grid;
 pub mod histogram;
+pub mod mesh;
 pub mod opacity;
 pub mod phantom;
 pub mod read;
@@ -44,12 +46,14 @@ pub mod volume;
 pub mod world_frame;
 
 pub use classifier::{BaseUnitMatch, Classifier};
+pub use dataset::{Dataset, Marcher, ScalarField, ScalarFieldRef};
 pub use field::Field;
 pub use grid::{Bounds, Grid};
 pub use histogram::{automatic_transfer_function, background_values};
+pub use mesh::{Mesh, MeshField};
 pub use read::{
-    ENDINGS, Limits, ReadError, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name,
-    read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,
+    ENDINGS, Limits, ReadError, ReadOptions, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name,
+    read_dataset, read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use surfaceness::Surfaceness;

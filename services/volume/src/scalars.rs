@@ -130,6 +130,43 @@ macro_rules! scalar_types {
                 match self { $(Self::$variant(v) => range_of(v, |x| x as f64),)* }
             }
 
+            /// The values at these places; those past the end are left out.
+            pub(crate) fn picked(&self, places: &[usize]) -> Self {
+                match self { $(Self::$variant(v) => {
+                    Self::$variant(places.iter().filter_map(|&place| v.get(place).copied()).collect())
+                },)* }
+            }
+
+            /// These values and then others of the same type; `None` for another type.
+            pub(crate) fn joined(self, other: Self) -> Option<Self> {
+                match (self, other) {
+                    $((Self::$variant(mut v), Self::$variant(other)) => {
+                        v.extend(other);
+                        Some(Self::$variant(v))
+                    })*
+                    _ => None,
+                }
+            }
+
+            /// The values as indices: whole numbers from 0 on.
+            ///
+            /// # Errors
+            /// The first one that is not: its place and value.
+            pub(crate) fn indices(&self) -> Result<Vec<u64>, (usize, f64)> {
+                let most = (1_u64 << 53) as f64;
+                match self { $(Self::$variant(v) => v.iter().enumerate().map(|(i, &x)| {
+                    let value = x as f64;
+                    if (0.0..=most).contains(&value) && value.fract() == 0.0 { Ok(value as u64) } else { Err((i, value)) }
+                }).collect(),)* }
+            }
+
+            /// The values with a true flag, in their order.
+            pub(crate) fn filtered(&self, keeps: &[bool]) -> Self {
+                match self { $(Self::$variant(v) => {
+                    Self::$variant(v.iter().zip(keeps).filter(|(_, keeps)| **keeps).map(|(x, _)| *x).collect())
+                },)* }
+            }
+
             /// Every value times `slope` plus `intercept`, computed in f64. The result has type [`ScalarType::scaled`].
             pub(crate) fn scaled(&self, slope: f64, intercept: f64) -> Self {
                 let scale = |x: f64| x * slope + intercept;

@@ -5,7 +5,9 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
-use super::{ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher, intersect_box};
+use super::{
+    ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher, VolumeRenderer as _, intersect_box,
+};
 use crate::grid::Grid;
 use crate::opacity::correct_opacity;
 use crate::surfaceness::Surfaceness;

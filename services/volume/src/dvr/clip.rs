@@ -21,7 +21,7 @@ pub struct ClipRegion {
 }
 
 /// The parts of the ray `eye + t·direction` between `near` and `far` that all regions keep, from near to far.
-pub(super) fn kept_parts(
+pub(crate) fn kept_parts(
     regions: &[ClipRegion],
     eye: DVec3,
     direction: DVec3,

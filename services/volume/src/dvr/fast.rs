@@ -110,7 +110,7 @@ impl<'a> FastMarcher<'a> {
 mod tests {
     use glam::{DMat3, DMat4, DVec3};
 
-    use super::super::{ClipRegion, HalfSpace, Image, Pinhole};
+    use super::super::{ClipRegion, HalfSpace, Image, Pinhole, VolumeRenderer as _};
     use super::*;
     use crate::grid::Grid;
     use crate::phantom::{VesselTree, transfer_function};

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
+use crate::dataset::Dataset;
 use crate::volume::Volume;
 
 use super::error::{ReadError, WriteError};
@@ -10,19 +11,24 @@ use super::source::Source;
 
 /// A file format of volumes. A format is a type without values; [`Format::of`] turns it into a row of the table.
 pub(super) trait VolumeFormat {
+    /// What its files hold.
+    type Data: Into<Dataset>;
+
     /// Name in help and messages.
     const NAME: &'static str;
     /// Endings of file names with their dot, in lower case.
     const ENDINGS: &'static [&'static str];
     /// Whether a file may name another one with its voxels.
     const READS_BESIDE: bool = false;
+    /// Whether a file can hold several quantities with names.
+    const HAS_VARIABLES: bool = false;
 
     /// Whether a file is of this format although its name has no known ending. `name` is the file name in lower case;
     /// `first` holds the first bytes of the file, at most [`SNIFFED_BYTES`].
     fn sniff(name: &str, first: &[u8]) -> bool;
 
-    /// Reads a volume within the limits of `source`.
-    fn read(source: Source<'_>) -> Result<Volume, ReadError>;
+    /// Reads a data set within the limits of `source`.
+    fn read(source: Source<'_>) -> Result<Self::Data, ReadError>;
 
     /// Writes a volume to `writer`. The name of `path` may be part of the format. The default refuses.
     fn write(path: &Path, _volume: &Volume, _writer: &mut dyn Write) -> Result<(), WriteError> {
@@ -39,8 +45,9 @@ pub struct Format {
     name: &'static str,
     endings: &'static [&'static str],
     reads_beside: bool,
+    has_variables: bool,
     sniff: fn(&str, &[u8]) -> bool,
-    read: fn(Source<'_>) -> Result<Volume, ReadError>,
+    read: fn(Source<'_>) -> Result<Dataset, ReadError>,
     write: fn(&Path, &Volume, &mut dyn Write) -> Result<(), WriteError>,
 }
 
@@ -48,7 +55,9 @@ impl Format {
     /// The row of a format.
     pub(super) const fn of<F: VolumeFormat>() -> Self {
         let (name, endings, reads_beside) = (F::NAME, F::ENDINGS, F::READS_BESIDE);
-        Self { name, endings, reads_beside, sniff: F::sniff, read: F::read, write: F::write }
+        let read = |source: Source<'_>| F::read(source).map(Into::into);
+        let has_variables = F::HAS_VARIABLES;
+        Self { name, endings, reads_beside, has_variables, sniff: F::sniff, read, write: F::write }
     }
 
     /// Name of the format.
@@ -68,6 +77,11 @@ impl Format {
         self.reads_beside
     }
 
+    /// Whether a file can hold several quantities with names.
+    pub(super) const fn has_variables(&self) -> bool {
+        self.has_variables
+    }
+
     /// Whether a file name in lower case has an ending of this format.
     pub(super) fn has_ending(&self, name: &str) -> bool {
         self.endings.iter().any(|ending| name.ends_with(ending))
@@ -77,7 +91,7 @@ impl Format {
         (self.sniff)(name, first)
     }
 
-    pub(super) fn read(&self, source: Source<'_>) -> Result<Volume, ReadError> {
+    pub(super) fn read(&self, source: Source<'_>) -> Result<Dataset, ReadError> {
         (self.read)(source)
     }
 

@@ -32,6 +32,8 @@ const FIRST_KEYS: [&str; 3] = ["ObjectType", "NDims", "Comment"];
 pub(super) struct MetaImage;
 
 impl VolumeFormat for MetaImage {
+    type Data = Volume;
+
     const NAME: &'static str = "MetaImage";
     const ENDINGS: &'static [&'static str] = &[".mha", ".mhd"];
     const READS_BESIDE: bool = true;
@@ -63,7 +65,7 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
         }
         Some(name) => {
             data_path = source.beside(name)?;
-            let data_source = Source { path: &data_path, limits: source.limits };
+            let data_source = Source { path: &data_path, ..source };
             let (reader, length) = data_source.reader()?;
             (data_source, reader, length, 0)
         }

@@ -8,18 +8,24 @@
 mod decode;
 mod error;
 mod format;
+mod legacy_vtk;
+mod mesh_data;
 mod metaimage;
 mod nifti;
 mod nrrd;
 mod raw;
 mod source;
 mod vti;
+mod vtk_xml;
+mod vtu;
 
 use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
 
+use crate::dataset::Dataset;
+use crate::grid::GridError;
 use crate::volume::Volume;
 
 use format::SNIFFED_BYTES;
@@ -38,6 +44,8 @@ pub const FORMATS: &[Format] = &[
     Format::of::<metaimage::MetaImage>(),
     Format::of::<vti::VtkImageData>(),
     Format::of::<nifti::Nifti>(),
+    Format::of::<vtu::VtkUnstructuredGrid>(),
+    Format::of::<legacy_vtk::LegacyVtk>(),
 ];
 
 /// Endings of the file names that [`read_volume`] reads, in lower case.
@@ -72,11 +80,63 @@ pub fn formats_help() -> String {
     FORMATS.iter().map(row).collect::<Vec<_>>().join("; ")
 }
 
-/// Reads a volume. The ending of the name selects the format (see [`FORMATS`]). Without a known ending, the first bytes
+/// How to read a file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadOptions {
+    /// The lengths between voxels that a person gives: millimetres along x, y and z, for files without spacing.
+    pub spacing: Option<DVec3>,
+    /// The quantity to read, of a file that holds several: its name, or `NAME:K` for component K from 0 of a vector (`x`, `y` and
+    /// `z` are 0, 1 and 2). The name of a vector alone means its length.
+    pub variable: Option<String>,
+    /// Limits on what the file may take.
+    pub limits: Limits,
+}
+
+/// Reads a data set. The ending of the name selects the format (see [`FORMATS`]). Without a known ending, the first bytes
 /// select it. Spacing, origin and orientation keep the file's world frame and length unit.
 ///
 /// # Errors
-/// [`ReadError`]: one line with the file, the place in it and a remedy.
+/// [`ReadError`]: one line with the file, the place in it and a remedy. Also if a spacing is given for a file with its own, or
+/// a quantity for a format with one.
+pub fn read_dataset(path: &Path, options: &ReadOptions) -> Result<Dataset, ReadError> {
+    let source = Source { path, limits: options.limits, variable: options.variable.as_deref() };
+    if options.spacing.is_some() && !lacks_spacing(path) {
+        let what = "a given spacing is for raw volumes, and this format stores its own";
+        return Err(source.format("spacing", what, "leave it out"));
+    }
+    let name = lower_case_name(path);
+    let format = match FORMATS.iter().find(|f| f.has_ending(&name)) {
+        Some(format) => Some(format),
+        None => {
+            let first = file::read_start(path, SNIFFED_BYTES).map_err(|e| source.io(e))?;
+            FORMATS.iter().find(|f| f.sniff(&name, &first))
+        }
+    };
+    let Some(format) = format else {
+        if let Some(found) = unreadable::recognise(path) {
+            return Err(source.format(found.place, found.what(), found.format.remedy));
+        }
+        let remedy = format!("give one of {}", ENDINGS.join(", "));
+        return Err(source.format("file name", "no known volume extension", remedy));
+    };
+    if source.variable.is_some() && !format.has_variables() {
+        let what = format!("a {} file holds one quantity", format.name());
+        return Err(source.format("quantity", what, "leave its name out"));
+    }
+    let read = format.read(source)?;
+    match (read, options.spacing) {
+        (Dataset::Volume(volume), Some(spacing)) => {
+            let refused = |e: GridError| source.format("spacing", e.to_string(), "give three lengths above 0");
+            volume.with_spacing(spacing).map(Dataset::Volume).map_err(refused)
+        }
+        (read, _) => Ok(read),
+    }
+}
+
+/// Reads a volume: a data set of voxels ([`read_dataset`]).
+///
+/// # Errors
+/// [`ReadError`]; also for a mesh.
 pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
     read_volume_within(path, Limits::default())
 }
@@ -87,19 +147,13 @@ pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
 /// # Errors
 /// [`ReadError`]; also if the file has its own spacing, or unless all lengths are finite and above 0.
 pub fn read_spaced_volume(path: &Path, spacing: Option<DVec3>, limits: Limits) -> Result<Volume, ReadError> {
-    let refused = |what: String, remedy: &str| ReadError::Format {
-        path: path.to_path_buf(),
-        place: "spacing".to_owned(),
-        what,
-        remedy: remedy.to_owned(),
-    };
-    if spacing.is_some() && !lacks_spacing(path) {
-        let what = "a given spacing is for raw volumes, and this format stores its own";
-        return Err(refused(what.to_owned(), "leave it out"));
+    match read_dataset(path, &ReadOptions { spacing, limits, variable: None })? {
+        Dataset::Volume(volume) => Ok(volume),
+        Dataset::Mesh(_) => {
+            let source = Source { path, limits, variable: None };
+            Err(source.format("content", "a mesh, where voxels are needed", "resample it to an image in ParaView"))
+        }
     }
-    let volume = read_volume_within(path, limits)?;
-    let Some(spacing) = spacing else { return Ok(volume) };
-    volume.with_spacing(spacing).map_err(|e| refused(e.to_string(), "give three lengths above 0"))
 }
 
 /// [`read_volume`] with given limits.
@@ -107,25 +161,7 @@ pub fn read_spaced_volume(path: &Path, spacing: Option<DVec3>, limits: Limits) -
 /// # Errors
 /// [`ReadError`]; also if the volume exceeds the limits.
 pub fn read_volume_within(path: &Path, limits: Limits) -> Result<Volume, ReadError> {
-    let source = Source { path, limits };
-    let name = lower_case_name(path);
-    let format = match FORMATS.iter().find(|f| f.has_ending(&name)) {
-        Some(format) => Some(format),
-        None => {
-            let first = file::read_start(path, SNIFFED_BYTES).map_err(|e| source.io(e))?;
-            FORMATS.iter().find(|f| f.sniff(&name, &first))
-        }
-    };
-    match format {
-        Some(format) => format.read(source),
-        None => {
-            if let Some(found) = unreadable::recognise(path) {
-                return Err(source.format(found.place, found.what(), found.format.remedy));
-            }
-            let remedy = format!("give one of {}", ENDINGS.join(", "));
-            Err(source.format("file name", "no known volume extension", remedy))
-        }
-    }
+    read_spaced_volume(path, None, limits)
 }
 
 /// Whether the ending of the name is one of [`ENDINGS`].

@@ -34,6 +34,8 @@ const MAX_OFFSET: u64 = 64 << 20;
 pub(super) struct Nifti;
 
 impl VolumeFormat for Nifti {
+    type Data = Volume;
+
     const NAME: &'static str = "NIfTI";
     const ENDINGS: &'static [&'static str] = &[".nii", ".nii.gz"];
 

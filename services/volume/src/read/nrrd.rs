@@ -30,6 +30,8 @@ const REMEDY: &str = "correct `sizes` or `type` in the header, or fetch the file
 pub(super) struct Nrrd;
 
 impl VolumeFormat for Nrrd {
+    type Data = Volume;
+
     const NAME: &'static str = "NRRD";
     const ENDINGS: &'static [&'static str] = &[".nrrd", ".nhdr"];
     const READS_BESIDE: bool = true;
@@ -54,7 +56,7 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
         None => (source, reader, length, after_header),
         Some(name) => {
             data_path = source.beside(name)?;
-            let data_source = Source { path: &data_path, limits: source.limits };
+            let data_source = Source { path: &data_path, ..source };
             let (reader, length) = data_source.reader()?;
             (data_source, reader, length, 0)
         }

@@ -18,6 +18,8 @@ const REMEDY: &str = "correct the dimensions or the type in the file name, or fe
 pub(super) struct Raw;
 
 impl VolumeFormat for Raw {
+    type Data = Volume;
+
     const NAME: &'static str = "raw voxels with _XxYxZ_type in the name";
     const ENDINGS: &'static [&'static str] = &[".raw", ".raw.gz", ".raw.zst"];
 

@@ -1,7 +1,7 @@
 //! The input file of a reader and its memory limit.
 
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::grid::GridError;
@@ -30,6 +30,8 @@ impl Default for Limits {
 pub(super) struct Source<'a> {
     pub(super) path: &'a Path,
     pub(super) limits: Limits,
+    /// Name of the quantity to read, of a file that holds several.
+    pub(super) variable: Option<&'a str>,
 }
 
 impl Source<'_> {
@@ -48,7 +50,11 @@ impl Source<'_> {
         what: impl Into<String>,
         remedy: impl Into<String>,
     ) -> ReadError {
-        ReadError::Format { path: self.path.to_owned(), place: place.into(), what: what.into(), remedy: remedy.into() }
+        // Names from a file may hold line ends. An error is one line.
+        let line =
+            |text: String| if text.contains(char::is_control) { text.replace(char::is_control, " ") } else { text };
+        let (place, what, remedy) = (line(place.into()), line(what.into()), line(remedy.into()));
+        ReadError::Format { path: self.path.to_owned(), place, what, remedy }
     }
 
     pub(super) fn grid(&self, source: GridError) -> ReadError {
@@ -59,6 +65,42 @@ impl Source<'_> {
     pub(super) fn open(&self) -> Result<(File, u64), ReadError> {
         let opened = file::open(self.path).map_err(|e| self.io(e))?;
         Ok((opened.file, opened.length))
+    }
+
+    /// The whole content of the file. One that gzip or Zstandard has packed is unpacked.
+    pub(super) fn unpacked(&self) -> Result<Vec<u8>, ReadError> {
+        let (file, length) = self.open()?;
+        // The content is never larger than twice its values and a header.
+        let limit = self.limits.voxel_bytes.saturating_mul(2).saturating_add(1 << 20);
+        let name = self.file_name().to_ascii_lowercase();
+        let is_packed = name.ends_with(".gz") || name.ends_with(".zst");
+        let most = if is_packed { limits::expanded(length).min(limit) } else { limit };
+        let too_large = |bytes| ReadError::TooLarge { path: self.path.to_owned(), bytes, limit: most };
+        if length > most {
+            return Err(too_large(length));
+        }
+        let mut bytes = Vec::new();
+        let read = if name.ends_with(".gz") {
+            flate2::read::MultiGzDecoder::new(file).take(most.saturating_add(1)).read_to_end(&mut bytes)
+        } else if name.ends_with(".zst") {
+            zstd::stream::read::Decoder::new(file)
+                .and_then(|decoder| decoder.take(most.saturating_add(1)).read_to_end(&mut bytes))
+        } else {
+            bytes.try_reserve_exact(length as usize).map_err(|_| self.io(io::ErrorKind::OutOfMemory.into()))?;
+            file.take(length).read_to_end(&mut bytes)
+        };
+        read.map_err(|e| self.io(e))?;
+        if bytes.len() as u64 > most {
+            let (path, bytes) = (self.path.to_owned(), bytes.len() as u64);
+            return Err(ReadError::Expanded {
+                path,
+                bytes,
+                stored: length,
+                limit: most,
+                remedy: limits::remedy(2 * bytes),
+            });
+        }
+        Ok(bytes)
     }
 
     /// The file from its start, and its size in bytes.
