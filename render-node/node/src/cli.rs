@@ -61,12 +61,15 @@ pub(crate) struct Picture {
     /// Gaussians keep the volume's values [default: that of the scene].
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
-    /// Distance between two samples on a ray through a volume, in voxels [default: 0.5].
+    /// Distance between two samples on a ray through a volume, in voxels, or in 1/256 of a mesh's diagonal [default: 0.5].
     #[arg(long, value_name = "VOXELS", value_parser = step)]
     step: Option<f64>,
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none.
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths)]
     spacing: Option<[f64; 3]>,
+    /// Quantity to draw, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length.
+    #[arg(long, value_name = "NAME")]
+    variable: Option<String>,
     /// Camera file (JSON). Without one, the whole scene is framed: plain splats from the front, volume scenes obliquely with
     /// z up.
     #[arg(long)]

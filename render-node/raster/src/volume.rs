@@ -8,20 +8,20 @@ use sg_scene::appearance::Clip;
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_scene::orientation::{LengthUnit, Orientation, PatientFrame};
-use sg_volume::dvr::{self, ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, RayMarcher};
-use sg_volume::{Classifier, Field, WorldFrame, visible_bounds, world_frame};
+use sg_volume::dvr::{self, ClipRegion, HalfSpace, Illumination, Lighting, Material, Pinhole, VolumeRenderer};
+use sg_volume::{Classifier, ScalarFieldRef, WorldFrame, world_frame};
 
 use crate::image::Image;
 
-/// The picture of a volume in f64, with the light and background of the camera.
+/// The picture of a volume or a mesh in f64, with the light and background of the camera.
 #[must_use]
-pub fn march(marcher: &RayMarcher, camera: &Camera) -> Image {
+pub fn march(marcher: &impl VolumeRenderer, camera: &Camera) -> Image {
     picture(camera, |pinhole, lighting| marcher.picture(pinhole, lighting, camera.background()))
 }
 
 /// [`march`] in f32, several times as fast.
 #[must_use]
-pub fn fast_march(marcher: &RayMarcher, camera: &Camera) -> Image {
+pub fn fast_march(marcher: &impl VolumeRenderer, camera: &Camera) -> Image {
     picture(camera, |pinhole, lighting| marcher.fast_picture(pinhole, lighting, camera.background()))
 }
 
@@ -35,8 +35,8 @@ pub fn region(clip: &Clip) -> ClipRegion {
 /// A scene without Gaussians in the place of what a transfer function shows. Framing gives it the views of a scene of that
 /// volume.
 #[must_use]
-pub fn empty_scene(field: &Field, classifier: &Classifier, frame: WorldFrame) -> Scene {
-    let bounds = visible_bounds(field, classifier);
+pub fn empty_scene<'a>(field: impl Into<ScalarFieldRef<'a>>, classifier: &Classifier, frame: WorldFrame) -> Scene {
+    let bounds = field.into().visible_bounds(classifier);
     let gaussians = Gaussians { shading: Some(ShadingColumns::default()), ..Gaussians::default() };
     let mut scene =
         Scene::compose(vec![BaseUnit::new("volume", gaussians)], Some(SceneBox { min: bounds.min, max: bounds.max }));
@@ -91,6 +91,8 @@ mod tests {
     use glam::DVec3;
     use sg_scene::framing;
     use sg_volume::phantom::{VesselTree, transfer_function};
+
+    use sg_volume::dvr::RayMarcher;
 
     use super::*;
 

@@ -8,6 +8,8 @@
 //! 2. Systematic sampling spreads the centres over the importance. Relaxation moves them to centroids of Voronoi cells.
 //! 3. Each cell becomes one Gaussian along the cell's principal axes. Boundary cells are flattened along the gradient.
 //!
+//! The same holds for a mesh, with samples of its tetrahedra in place of voxels.
+//!
 //! With an importance of what the transfer function hides, Gaussians also stand there, transparent. Every Gaussian keeps the values of
 //! its cell ([`sg_reclassify::sources`]), so another function gives it another look.
 //!
@@ -19,19 +21,18 @@
 use std::time::Instant;
 
 use glam::{DMat4, DVec3, Vec3};
-use rayon::prelude::*;
-use serde::Serialize;
 use sg_reclassify::optical_depth::logit_of;
 use sg_reclassify::sources;
 use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::dvr::Material;
 use sg_volume::transfer::Problem;
-use sg_volume::{Field, Surfaceness, TransferFunction, background_values};
+use sg_volume::{Bounds, ScalarFieldRef, TransferFunction};
 
-use crate::classification::{Classification, MAX_UNITS};
-use crate::importance::candidates;
-use crate::placement::{PlacementError, Points, place};
-use crate::shape::{GaussianBuilder, Splat};
+use crate::classification::MAX_UNITS;
+use crate::placement::PlacementError;
+use crate::report::{DirectStart, Report, Seconds, UnitReport};
+use crate::shape::Splat;
+use crate::{mesh, voxels};
 
 /// Revision of the method. It changes whenever the same volume and options give another scene, so that scenes of an earlier
 /// revision are not taken for the present one.
@@ -64,89 +65,11 @@ impl Default for Options {
     }
 }
 
-/// Standard deviation in voxels of the smoothing before gradients. Without it normals follow the noise of single voxels.
-const GRADIENT_SMOOTHING: f32 = 1.0;
 /// Importance of homogeneous values that another transfer function shows, relative to that of a clear boundary.
-const HOMOGENEOUS: f32 = 0.3;
+pub(crate) const HOMOGENEOUS: f32 = 0.3;
 /// Distance from the world origin in volume diagonals. Beyond it the units' transform holds the centre of the volume, since
 /// f32 positions would lose digits.
 const DISTANT_DIAGONALS: f64 = 64.0;
-
-/// A scene and the report of its creation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DirectStart {
-    /// The scene; its box is the volume's.
-    pub scene: Scene,
-    /// Counts and times.
-    pub report: Report,
-}
-
-/// Counts, quality measures and times of a direct start.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
-    /// Gaussians made.
-    pub gaussians: usize,
-    /// Largest requested number of Gaussians.
-    pub budget: usize,
-    /// Seed of the placement.
-    pub seed: u64,
-    /// Voxels of the volume.
-    pub voxels: usize,
-    /// Voxels with an opacity above 0.
-    pub visible_voxels: usize,
-    /// Voxels that are NaN or infinite (NaN counts as transparent).
-    pub non_finite_voxels: usize,
-    /// Visible voxels outside the ranges of all base units; they belong to the nearest unit.
-    pub voxels_outside_base_units: usize,
-    /// Share of the importance within two standard deviations of its Gaussian.
-    pub importance_captured: f64,
-    /// The base units, in order.
-    pub units: Vec<UnitReport>,
-    /// Wall time by stage.
-    pub seconds: Seconds,
-}
-
-/// One base unit of a direct start.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct UnitReport {
-    /// Its name.
-    pub name: String,
-    /// Gaussians made.
-    pub gaussians: usize,
-    /// Those that the transfer function hides.
-    pub hidden: usize,
-    /// Voxels with an opacity above 0.
-    pub visible_voxels: usize,
-    /// Its share of the importance of all units.
-    pub importance_share: f64,
-    /// Share of its importance within two standard deviations of its Gaussian.
-    pub importance_captured: f64,
-    /// Mean of shortest axis / middle axis.
-    pub mean_flattening: f64,
-    /// Mean surfaceness of the Gaussians: 0 homogeneous or noise, 1 a clear boundary.
-    pub mean_surfaceness: f64,
-    /// Median opacity.
-    pub median_opacity: f64,
-    /// Median standard deviation of the middle axis, in units of the smallest voxel spacing.
-    pub median_scale_voxels: f64,
-    /// Palette colour, RGB.
-    pub palette: [f32; 3],
-}
-
-/// Wall time by stage, all units together.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Seconds {
-    /// Transfer function on every voxel, and smoothing.
-    pub classify: f64,
-    /// Visibility and importance of the voxels.
-    pub importance: f64,
-    /// Sampling and relaxation of the centres.
-    pub placement: f64,
-    /// Axes, opacities, colours and normals.
-    pub shape: f64,
-    /// The whole direct start.
-    pub total: f64,
-}
 
 /// Progress of a direct start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -170,12 +93,14 @@ pub enum DirectError {
     TooManyUnits(usize),
     /// No voxel is visible.
     #[error(
-        "nothing is visible: all {voxels} voxels (values {low} to {high}, {non_finite} not finite) have opacity 0 under the \
+        "nothing is visible: all {count} {elements} (values {low} to {high}, {non_finite} not finite) have opacity 0 under the \
          transfer function; raise opacities within that range or check its `units`"
     )]
     NothingVisible {
-        /// Voxels of the volume.
-        voxels: usize,
+        /// Number of elements.
+        count: usize,
+        /// "voxels" or "tetrahedra".
+        elements: &'static str,
         /// Least finite value.
         low: f64,
         /// Greatest finite value.
@@ -200,16 +125,17 @@ pub enum DirectError {
     Placement(#[from] PlacementError),
 }
 
-/// Makes a scene from a volume. Each stage calls `progress` at its start. Positions are in the world frame of the field.
+/// Makes a scene from a volume or a mesh. Each stage calls `progress` at its start. Positions are in the world frame of the field.
 ///
 /// # Errors
 /// [`DirectError`]: nothing is visible, or the transfer function or an option is invalid.
-pub fn direct_start(
-    field: &Field,
+pub fn direct_start<'a>(
+    field: impl Into<ScalarFieldRef<'a>>,
     function: &TransferFunction,
     options: &Options,
     mut progress: impl FnMut(Progress),
 ) -> Result<DirectStart, DirectError> {
+    let field = field.into();
     let total_clock = Instant::now();
     if options.gaussians == 0 || options.gaussians > MAX_GAUSSIANS {
         return Err(DirectError::Budget(options.gaussians));
@@ -234,104 +160,62 @@ pub fn direct_start(
         progress(Progress { stage: name, done, of });
         done += 1;
     };
-    let mut seconds = Seconds::default();
-
-    stage("classifying voxels");
-    let clock = Instant::now();
-    let smooth = field.smoothed(GRADIENT_SMOOTHING);
-    let surfaceness = Surfaceness::new(field, &classifier);
-    let emphasis = (options.hidden > 0.0).then(|| emphasis_of_values(field, &smooth, &surfaceness));
-    let classification = Classification::new(field, &classifier, emphasis);
-    let visible_voxels = classification.statistics.iter().map(|c| c.visible).sum();
+    let placed = match field {
+        ScalarFieldRef::Grid(field) => voxels::place_gaussians(field, &classifier, options, &mut stage)?,
+        ScalarFieldRef::Mesh(field) => mesh::place_gaussians(field, &classifier, options, &mut stage)?,
+    };
+    let importance: f64 = placed.units.iter().map(|unit| unit.importance).sum();
+    let shift = distant_offset(field.bounds());
     let range = field.range();
-    if visible_voxels == 0 {
-        return Err(DirectError::NothingVisible {
-            voxels: field.values().len(),
-            low: range.low,
-            high: range.high,
-            non_finite: range.non_finite,
-        });
-    }
-    seconds.classify = clock.elapsed().as_secs_f64();
-
-    let clock = Instant::now();
-    let mut found = Vec::with_capacity(count);
-    for unit in 0..count {
-        stage("computing importance");
-        found.push(
-            classification
-                .crop(unit)
-                .map(|crop| candidates(&crop, field.grid(), options.interior as f32, options.hidden as f32)),
-        );
-    }
-    seconds.importance = clock.elapsed().as_secs_f64();
-    let totals: Vec<f64> = found.iter().map(|c| c.as_ref().map_or(0.0, |c| c.total)).collect();
-    let importance: f64 = totals.iter().sum();
-    let budgets = apportion(&totals, options.gaussians);
-
-    let shift = distant_offset(field);
     let mut units = Vec::with_capacity(count);
-    let mut reports = Vec::with_capacity(count);
-    for (unit, (candidates, budget)) in found.into_iter().zip(budgets).enumerate() {
-        stage("placing Gaussians");
-        let clock = Instant::now();
-        let mut splats: Vec<Splat> = Vec::new();
-        if let Some(candidates) = candidates.filter(|_| budget > 0) {
-            let points = Points::new(&candidates, &classification, budget);
-            // A seed for each unit keeps the samples of two units apart.
-            let seed = options.seed.wrapping_add((unit as u64) << 32);
-            let cells = place(&candidates, &points, field, budget, options.relaxation_rounds, seed)?;
-            seconds.placement += clock.elapsed().as_secs_f64();
-            stage("shaping Gaussians");
-            let clock = Instant::now();
-            let builder = GaussianBuilder {
-                classification: &classification,
-                smooth: &smooth,
-                surfaceness: &surfaceness,
-                flattening: options.flattening,
-                keeps_hidden: options.hidden > 0.0,
-            };
-            splats = (0..cells.len())
-                .into_par_iter()
-                .with_min_len(64)
-                .filter_map(|i| builder.splat(cells.points(i), &points, &candidates.list))
-                .collect();
-            seconds.shape += clock.elapsed().as_secs_f64();
-        } else {
-            stage("shaping Gaussians");
-        }
+    let mut reports: Vec<UnitReport> = Vec::with_capacity(count);
+    for (unit, PlacedUnit { splats, importance: own, visible }) in placed.units.iter().enumerate() {
         let name = unit_name(function, unit);
-        let palette = mean_color(&splats);
-        reports.push(UnitReport::new(
-            &name,
-            &splats,
-            field,
-            totals[unit] / importance,
-            classification.statistics[unit].visible,
-            palette,
-        ));
-        units.push(BaseUnit { values: Some([range.low, range.high]), ..base_unit(name, &splats, palette, shift) });
+        let palette = mean_color(splats);
+        reports.push(UnitReport::new(&name, splats, placed.edge, own / importance, *visible, palette));
+        units.push(BaseUnit { values: Some([range.low, range.high]), ..base_unit(name, splats, palette, shift) });
     }
-    let bounds = field.grid().bounds();
+    let bounds = field.bounds();
     let scene = Scene::compose(units, Some(SceneBox { min: bounds.min, max: bounds.max }));
-    seconds.total = total_clock.elapsed().as_secs_f64();
     let report = Report {
         gaussians: scene.len(),
         budget: options.gaussians,
         seed: options.seed,
-        voxels: field.values().len(),
-        visible_voxels,
+        voxels: field.elements(),
+        visible_voxels: placed.visible,
         non_finite_voxels: range.non_finite,
-        voxels_outside_base_units: classification.statistics.iter().map(|c| c.outside_ranges).sum(),
-        importance_captured: reports.iter().map(|u: &UnitReport| u.importance_captured * u.importance_share).sum(),
+        voxels_outside_base_units: placed.outside_ranges,
+        importance_captured: reports.iter().map(|u| u.importance_captured * u.importance_share).sum(),
         units: reports,
-        seconds,
+        seconds: Seconds { total: total_clock.elapsed().as_secs_f64(), ..placed.seconds },
     };
     Ok(DirectStart { scene, report })
 }
 
+/// The Gaussians of the base units, before they are a scene.
+pub(crate) struct Placed {
+    /// In the order of the transfer function.
+    pub(crate) units: Vec<PlacedUnit>,
+    /// Voxels or tetrahedra with an opacity above 0.
+    pub(crate) visible: usize,
+    /// Those outside the ranges of all base units.
+    pub(crate) outside_ranges: usize,
+    /// Length that stands for the smallest voxel in the report.
+    pub(crate) edge: f64,
+    pub(crate) seconds: Seconds,
+}
+
+/// The Gaussians of one base unit.
+pub(crate) struct PlacedUnit {
+    pub(crate) splats: Vec<Splat>,
+    /// Sum of the importance of its data.
+    pub(crate) importance: f64,
+    /// Voxels or tetrahedra with an opacity above 0.
+    pub(crate) visible: usize,
+}
+
 /// Divides `n` in proportion to the totals (largest remainders). Each total above 0 gets at least one if `n` is large enough.
-fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
+pub(crate) fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
     let sum: f64 = totals.iter().sum();
     let wanted = totals.iter().filter(|&&t| t > 0.0).count();
     let least = usize::from(n >= wanted);
@@ -348,28 +232,10 @@ fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
     shares
 }
 
-/// Importance of each voxel where another transfer function shows its value, 0 to 1: boundaries count most, and the values of the
-/// empty space around the subject do not count.
-fn emphasis_of_values(field: &Field, smooth: &Field, surfaceness: &Surfaceness) -> Vec<f32> {
-    let [low, high] = background_values(field).unwrap_or([f64::NAN; 2]);
-    let emphasis = |i: usize| {
-        let raw = field.raw(i);
-        if !raw.is_finite() {
-            return 0.0;
-        }
-        let at = field.grid().voxel(i);
-        let boundary = surfaceness.at(raw, smooth.gradient_at(at.x, at.y, at.z).length());
-        let inside = if low <= raw && raw <= high { 0.0 } else { HOMOGENEOUS };
-        inside + (1.0 - HOMOGENEOUS) * boundary
-    };
-    (0..field.grid().len()).into_par_iter().with_min_len(1024).map(emphasis).collect()
-}
-
 /// The offset for the units' transform: the centre of a distant volume, else 0.
-fn distant_offset(field: &Field) -> DVec3 {
-    let bounds = field.grid().bounds();
+fn distant_offset(bounds: Bounds) -> DVec3 {
     let middle = 0.5 * (bounds.min + bounds.max);
-    if middle.length() > DISTANT_DIAGONALS * field.grid().diagonal() { middle } else { DVec3::ZERO }
+    if middle.length() > DISTANT_DIAGONALS * (bounds.max - bounds.min).length() { middle } else { DVec3::ZERO }
 }
 
 fn unit_name(function: &TransferFunction, unit: usize) -> String {
@@ -418,34 +284,6 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
     sources::store(&splats.iter().map(|s| s.source).collect::<Vec<_>>(), &mut gaussians);
     let transform = DMat4::from_translation(shift);
     BaseUnit { palette, transform, oriented_normals: true, ..BaseUnit::new(name, gaussians) }
-}
-
-impl UnitReport {
-    fn new(name: &str, splats: &[Splat], field: &Field, share: f64, visible_voxels: usize, palette: Vec3) -> Self {
-        let visible: Vec<&Splat> = splats.iter().filter(|s| s.opacity > 0.0).collect();
-        let n = visible.len().max(1) as f64;
-        let mean = |f: &dyn Fn(&Splat) -> f64| visible.iter().map(|s| f(s)).sum::<f64>() / n;
-        let median = |f: &dyn Fn(&Splat) -> f64| {
-            let mut values: Vec<f64> = visible.iter().map(|s| f(s)).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(0.0)
-        };
-        let weight: f64 = splats.iter().map(|s| s.weight).sum();
-        let captured: f64 = splats.iter().map(|s| s.captured * s.weight).sum();
-        Self {
-            name: name.to_owned(),
-            gaussians: splats.len(),
-            hidden: splats.len() - visible.len(),
-            visible_voxels,
-            importance_share: share,
-            importance_captured: if weight > 0.0 { captured / weight } else { 0.0 },
-            mean_flattening: mean(&|s| s.scale.z / s.scale.y),
-            mean_surfaceness: mean(&|s| f64::from(s.surfaceness)),
-            median_opacity: median(&|s| s.opacity),
-            median_scale_voxels: median(&|s| s.scale.y) / field.grid().spacing().min_element(),
-            palette: palette.to_array(),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::classification::Crop;
 use crate::visibility::least_optical_depth;
 
 /// Additional weight of a voxel at an opacity change of 1 across it.
-const BOUNDARY_GAIN: f32 = 2.0;
+pub(crate) const BOUNDARY_GAIN: f32 = 2.0;
 /// Least importance of a candidate, relative to the greatest importance.
 const LEAST_SHARE: f32 = 1e-3;
 
@@ -104,7 +104,7 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32, hidden: f32) -
 }
 
 /// Opacity of an extinction (per length) over a length.
-fn opacity_over(sigma: f32, length: f32) -> f32 {
+pub(crate) fn opacity_over(sigma: f32, length: f32) -> f32 {
     -(-sigma.max(0.0) * length).exp_m1()
 }
 

@@ -1,4 +1,4 @@
-//! Conversion of scalar volumes to editable Gaussians.
+//! Conversion of scalar volumes and meshes to editable Gaussians.
 //!
 //! [`direct_start`] classifies the voxels by a transfer function. It computes their importance and places Gaussians by it. Each
 //! Gaussian gets the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the Gaussians.
@@ -21,11 +21,16 @@ mod classification;
 pub mod direct;
 mod importance;
 pub mod labels;
+mod mesh;
+mod pieces;
 mod placement;
+pub mod report;
 mod shape;
 pub mod training;
 mod visibility;
+mod voxels;
 
-pub use direct::{DirectError, DirectStart, Options, Progress, Report, direct_start};
+pub use direct::{DirectError, Options, Progress, direct_start};
 pub use placement::PlacementError;
+pub use report::{DirectStart, Report};
 pub use sg_raster::volume::orientation_of;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,6 +12,7 @@ use sg_volume::opacity::extinction;
 
 use crate::classification::Classification;
 use crate::importance::{Candidate, Candidates};
+use crate::pieces::{Piece, Pieces};
 
 /// Least number of sample points for each Gaussian.
 const LEAST_POINTS: usize = 6;
@@ -43,16 +44,6 @@ enum Kind {
     Groups { starts: Vec<u32> },
     /// Each candidate has parts³ points, in its order.
     Parts { parts: u32 },
-}
-
-/// A voxel or a part of one within a cell.
-pub(crate) struct Piece {
-    /// Position in voxel coordinates.
-    pub(crate) voxel: DVec3,
-    /// Importance.
-    pub(crate) weight: f32,
-    /// Share of a voxel's volume.
-    pub(crate) share: f64,
 }
 
 impl Points {
@@ -113,33 +104,66 @@ impl Points {
             .unzip();
         Self { position, weight, kind: Kind::Parts { parts } }
     }
+}
 
-    /// Side length of a piece in voxels.
-    pub(crate) fn piece_side(&self) -> f64 {
-        match self.kind {
-            Kind::Groups { .. } => 1.0,
-            Kind::Parts { parts } => 1.0 / f64::from(parts),
-        }
-    }
+/// The voxels of one base unit, or parts of them, at its sample points.
+pub(crate) struct VoxelPieces<'a> {
+    pub(crate) points: &'a Points,
+    pub(crate) list: &'a [Candidate],
+    pub(crate) field: &'a Field,
+    /// The smoothed field for gradients.
+    pub(crate) smooth: &'a Field,
+}
 
-    /// The pieces of point `i`.
-    pub(crate) fn for_each_piece(&self, i: usize, list: &[Candidate], field: &Field, mut f: impl FnMut(Piece)) {
-        match &self.kind {
+impl Pieces for VoxelPieces<'_> {
+    fn for_each(&self, point: u32, mut f: impl FnMut(Piece)) {
+        let i = point as usize;
+        match &self.points.kind {
             Kind::Groups { starts } => {
-                for c in &list[starts[i] as usize..starts[i + 1] as usize] {
-                    f(Piece { voxel: field.grid().voxel(c.voxel as usize).as_dvec3(), weight: c.weight, share: 1.0 });
+                for c in &self.list[starts[i] as usize..starts[i + 1] as usize] {
+                    let place = self.field.grid().voxel(c.voxel as usize).as_dvec3();
+                    f(Piece { place, weight: c.weight, share: 1.0, point });
                 }
             }
             Kind::Parts { parts } => {
                 let cubed = parts.pow(3);
-                let candidate = list[i / cubed as usize];
-                f(Piece {
-                    voxel: part_position(candidate, field, *parts, i as u32 % cubed),
-                    weight: self.weight[i],
-                    share: 1.0 / f64::from(cubed),
-                });
+                let place = part_position(self.list[i / cubed as usize], self.field, *parts, point % cubed);
+                f(Piece { place, weight: self.points.weight[i], share: 1.0 / f64::from(cubed), point });
             }
         }
+    }
+
+    fn value_and_gradient(&self, piece: &Piece) -> (f64, Vec3) {
+        let v = piece.place;
+        match self.points.kind {
+            Kind::Groups { .. } => {
+                let (x, y, z) = (v.x as usize, v.y as usize, v.z as usize);
+                (self.field.raw(self.field.grid().index(x, y, z)), self.smooth.gradient_at(x, y, z))
+            }
+            Kind::Parts { .. } => (self.field.sample(v).unwrap_or(f64::NAN), self.smooth.gradient(v)),
+        }
+    }
+
+    fn extent(&self, _piece: &Piece) -> DMat3 {
+        let side = match self.points.kind {
+            Kind::Groups { .. } => 1.0,
+            Kind::Parts { parts } => 1.0 / f64::from(parts),
+        };
+        DMat3::from_diagonal(DVec3::splat(side * side / 12.0))
+    }
+
+    fn to_world(&self) -> DAffine3 {
+        let grid = self.field.grid();
+        let matrix = grid.direction() * DMat3::from_diagonal(grid.spacing());
+        DAffine3::from_mat3_translation(matrix, grid.origin())
+    }
+
+    fn unit_volume(&self) -> f64 {
+        self.field.grid().voxel_volume()
+    }
+
+    fn reference_length(&self) -> f64 {
+        self.field.grid().reference_length()
     }
 }
 
@@ -191,27 +215,32 @@ fn scatter(
     random: &mut ChaCha8Rng,
 ) -> Vec<[f32; 3]> {
     let spacing = field.grid().spacing();
+    let jitter = |size: DVec3| {
+        move |_: usize, random: &mut ChaCha8Rng| {
+            (DVec3::new(random.random(), random.random(), random.random()) - 0.5) * size
+        }
+    };
     match points.kind {
         Kind::Groups { .. } => {
             let voxels = candidates.list.iter().map(|c| {
                 let voxel = field.grid().voxel(c.voxel as usize).as_dvec3();
                 (voxel * spacing, c.weight)
             });
-            systematic_sample(voxels, spacing, n, random)
+            systematic_sample(voxels, jitter(spacing), n, random)
         }
         Kind::Parts { parts } => {
             let points = points.position.iter().zip(&points.weight);
             let points = points.map(|(&p, &weight)| (Vec3::from_array(p).as_dvec3(), weight));
-            systematic_sample(points, spacing / f64::from(parts), n, random)
+            systematic_sample(points, jitter(spacing / f64::from(parts)), n, random)
         }
     }
 }
 
-/// Systematic sampling of weighted boxes: `n` positions at equal steps of the summed weight, from a random start, each
-/// jittered within its box. `boxes` gives centre and weight; `size` is the extent of each box.
-fn systematic_sample(
+/// Systematic sampling of weighted boxes: `n` positions at equal steps of the summed weight, from a random start. `boxes` gives
+/// middle and weight; `jitter` gives a random way from the middle of a box, by its place in the list.
+pub(crate) fn systematic_sample(
     boxes: impl Iterator<Item = (DVec3, f32)> + Clone,
-    size: DVec3,
+    jitter: impl Fn(usize, &mut ChaCha8Rng) -> DVec3,
     n: usize,
     random: &mut ChaCha8Rng,
 ) -> Vec<[f32; 3]> {
@@ -220,19 +249,18 @@ fn systematic_sample(
     let start: f64 = random.random();
     let mut places = Vec::with_capacity(n);
     let mut reached = 0.0;
-    let mut boxes = boxes.filter(|b| b.1 > 0.0);
+    let mut boxes = boxes.enumerate().filter(|(_, b)| b.1 > 0.0);
     let mut current = None;
     for k in 0..n {
         let at = (k as f64 + start) * step;
         while reached <= at {
             // Rounding may put the last position just after the end of the last box.
-            let Some((center, weight)) = boxes.next() else { break };
+            let Some((place, (center, weight))) = boxes.next() else { break };
             reached += f64::from(weight);
-            current = Some(center);
+            current = Some((place, center));
         }
-        if let Some(center) = current {
-            let jitter = DVec3::new(random.random(), random.random(), random.random()) - 0.5;
-            places.push((center + jitter * size).as_vec3().to_array());
+        if let Some((place, center)) = current {
+            places.push((center + jitter(place, random)).as_vec3().to_array());
         }
     }
     places
@@ -248,11 +276,10 @@ pub(crate) struct Cells {
 
 impl Cells {
     /// Assigns every point to its nearest centre.
-    pub(crate) fn new(points: &Points, places: &[[f32; 3]]) -> Result<Self, PlacementError> {
+    pub(crate) fn new(positions: &[[f32; 3]], places: &[[f32; 3]]) -> Result<Self, PlacementError> {
         let tree: ImmutableKdTree<f32, 3> =
             ImmutableKdTree::new_from_slice(places).map_err(|e| PlacementError { reason: e.to_string() })?;
-        let nearest: Vec<u32> = points
-            .position
+        let nearest: Vec<u32> = positions
             .par_iter()
             .with_min_len(1024)
             .map(|p| tree.query(p).nearest_one::<SquaredEuclidean<f32>>().execute().item)
@@ -286,8 +313,7 @@ impl Cells {
     }
 }
 
-/// Places the centres of `n` Gaussians and returns their cells. The centres are samples of the importance. They move
-/// `rounds` times to the weighted centroids of their cells (Lloyd 1982). Centres of empty cells do not move.
+/// Places the centres of `n` Gaussians and returns their cells ([`relaxed_cells`]). The centres are samples of the importance.
 pub(crate) fn place(
     candidates: &Candidates,
     points: &Points,
@@ -297,14 +323,25 @@ pub(crate) fn place(
     seed: u64,
 ) -> Result<Cells, PlacementError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut places = scatter(candidates, points, field, n, &mut random);
+    let places = scatter(candidates, points, field, n, &mut random);
+    relaxed_cells(&points.position, &points.weight, places, rounds)
+}
+
+/// The cells of centres that move `rounds` times to the weighted centroids of their cells (Lloyd 1982). Centres of empty cells do
+/// not move.
+pub(crate) fn relaxed_cells(
+    positions: &[[f32; 3]],
+    weights: &[f32],
+    mut places: Vec<[f32; 3]>,
+    rounds: usize,
+) -> Result<Cells, PlacementError> {
     for _ in 0..rounds {
-        let cells = Cells::new(points, &places)?;
+        let cells = Cells::new(positions, &places)?;
         places.par_iter_mut().enumerate().for_each(|(i, place)| {
             let (mut sum, mut weight) = (DVec3::ZERO, 0.0_f64);
             for &p in cells.points(i) {
-                let w = f64::from(points.weight[p as usize]);
-                sum += Vec3::from_array(points.position[p as usize]).as_dvec3() * w;
+                let w = f64::from(weights[p as usize]);
+                sum += Vec3::from_array(positions[p as usize]).as_dvec3() * w;
                 weight += w;
             }
             if weight > 0.0 {
@@ -312,5 +349,5 @@ pub(crate) fn place(
             }
         });
     }
-    Cells::new(points, &places)
+    Cells::new(positions, &places)
 }

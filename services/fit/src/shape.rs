@@ -2,16 +2,14 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use sg_reclassify::optical_depth::opacity_of;
 use sg_reclassify::sources::Source;
 use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
 use sg_volume::opacity::extinction;
-use sg_volume::{Field, Surfaceness};
+use sg_volume::{Classifier, Surfaceness};
 
-use crate::classification::Classification;
-use crate::importance::Candidate;
-use crate::placement::Points;
+use crate::pieces::Pieces;
 
 /// Standard deviation of a Gaussian relative to that of its cell, for a nearly clear cell. A cell of a regular tiling has
 /// h/√12, so the Gaussian has about 0.45 h.
@@ -47,10 +45,9 @@ pub(crate) struct Splat {
 }
 
 /// Builds the Gaussians of cells.
-pub(crate) struct GaussianBuilder<'a> {
-    pub(crate) classification: &'a Classification<'a>,
-    /// The smoothed field for gradients.
-    pub(crate) smooth: &'a Field,
+pub(crate) struct GaussianBuilder<'a, P> {
+    pub(crate) pieces: &'a P,
+    pub(crate) classifier: &'a Classifier,
     /// The rule for the length of a gradient.
     pub(crate) surfaceness: &'a Surfaceness,
     /// Thickness along the gradient at a clear boundary, relative to that of the cell.
@@ -71,7 +68,7 @@ struct Moments {
     gradient_length: f64,
     /// Relative rise of the value across one voxel.
     rise: f64,
-    /// Volume in voxels, and the mean and the sum of squared deviations of the raw values in it (Welford 1962).
+    /// Volume in shares, and the mean and the sum of squared deviations of the raw values in it (Welford 1962).
     volume: f64,
     value: f64,
     squares: f64,
@@ -84,29 +81,19 @@ impl Moments {
     }
 }
 
-impl GaussianBuilder<'_> {
-    /// The Gaussian of the cell with the points `members`; `None` for a transparent cell.
-    pub(crate) fn splat(&self, members: &[u32], points: &Points, list: &[Candidate]) -> Option<Splat> {
-        let field = self.classification.field;
-        let grid = field.grid();
-        let reference = grid.reference_length();
-        let whole = points.piece_side() == 1.0;
+impl<P: Pieces> GaussianBuilder<'_, P> {
+    /// The Gaussian of the cell with the sample points `members`; `None` for a transparent cell.
+    pub(crate) fn splat(&self, members: &[u32]) -> Option<Splat> {
+        let (unit_volume, reference) = (self.pieces.unit_volume(), self.pieces.reference_length());
         let mut sums = Moments::default();
-        for &i in members {
-            points.for_each_piece(i as usize, list, field, |piece| {
-                let v = piece.voxel;
-                let (raw, gradient) = if whole {
-                    let (x, y, z) = (v.x as usize, v.y as usize, v.z as usize);
-                    (field.raw(grid.index(x, y, z)), self.smooth.gradient_at(x, y, z))
-                } else {
-                    (field.sample(v).unwrap_or(f64::NAN), self.smooth.gradient(v))
-                };
-                let (color, opacity) = self.classification.classifier.evaluate(raw);
+        for &point in members {
+            self.pieces.for_each(point, |piece| {
+                let (raw, gradient) = self.pieces.value_and_gradient(&piece);
+                let (color, opacity) = self.classifier.evaluate(raw);
                 let w = f64::from(piece.weight);
                 sums.weight += w;
-                sums.integrated_extinction +=
-                    f64::from(extinction(opacity, reference)) * piece.share * grid.voxel_volume();
-                sums.position += w * v;
+                sums.integrated_extinction += f64::from(extinction(opacity, reference)) * piece.share * unit_volume;
+                sums.position += w * piece.place;
                 sums.color += w * color.as_dvec3();
                 sums.gradient += w * gradient.as_dvec3();
                 sums.gradient_length += w * f64::from(gradient.length());
@@ -122,8 +109,9 @@ impl GaussianBuilder<'_> {
         if !(sums.weight > 0.0 && (sums.integrated_extinction > 0.0 || self.keeps_hidden)) {
             return None;
         }
+        let to_world = self.pieces.to_world();
         let mean = sums.position / sums.weight;
-        let covariance = self.covariance(members, points, list, mean, sums.weight);
+        let covariance = self.covariance(members, mean, sums.weight, to_world.matrix3);
         let (normal, surfaceness) = self.normal_and_surfaceness(&sums);
         let flat = 1.0 - surfaceness * (1.0 - self.flattening);
         let squeeze = DMat3::IDENTITY - outer(normal) * (1.0 - flat);
@@ -137,9 +125,9 @@ impl GaussianBuilder<'_> {
         let depth = sums.integrated_extinction * depth_factor;
         let opacity = opacity_of(depth / (TAU * scale.x * scale.y));
         let rotation = DQuat::from_mat3(&oriented(axes, normal));
-        let captured = self.captured(members, points, list, mean, rotation, scale) / sums.weight;
+        let captured = self.captured(members, mean, to_world, rotation, scale) / sums.weight;
         Some(Splat {
-            position: grid.to_world(mean),
+            position: to_world.transform_point3(mean),
             scale,
             rotation,
             opacity,
@@ -151,44 +139,31 @@ impl GaussianBuilder<'_> {
             source: Source {
                 value: sums.value,
                 spread: (sums.squares / sums.volume.max(f64::MIN_POSITIVE)).sqrt(),
-                gradient: sums.gradient.length() / sums.weight * grid.voxel_volume().cbrt(),
+                gradient: sums.gradient.length() / sums.weight * unit_volume.cbrt(),
                 consistency: sums.consistency(),
                 surfaceness,
-                depth: sums.volume * grid.voxel_volume() / reference * depth_factor / (TAU * scale.x * scale.y),
+                depth: sums.volume * unit_volume / reference * depth_factor / (TAU * scale.x * scale.y),
             },
         })
     }
 
     /// Covariance of a cell's importance in world space, with the extent of its pieces.
-    fn covariance(&self, members: &[u32], points: &Points, list: &[Candidate], mean: DVec3, weight: f64) -> DMat3 {
-        let grid = self.classification.field.grid();
+    fn covariance(&self, members: &[u32], mean: DVec3, weight: f64, to_world: DMat3) -> DMat3 {
         let mut sum = DMat3::ZERO;
-        for &i in members {
-            points.for_each_piece(i as usize, list, self.classification.field, |piece| {
-                sum += outer(piece.voxel - mean) * f64::from(piece.weight);
+        for &point in members {
+            self.pieces.for_each(point, |piece| {
+                sum += (outer(piece.place - mean) + self.pieces.extent(&piece)) * f64::from(piece.weight);
             });
         }
-        let piece = points.piece_side().powi(2) / 12.0;
-        let in_voxels = sum * (1.0 / weight) + DMat3::from_diagonal(DVec3::splat(piece));
-        let to_world = grid.direction() * DMat3::from_diagonal(grid.spacing());
-        to_world * in_voxels * to_world.transpose()
+        to_world * (sum * (1.0 / weight)) * to_world.transpose()
     }
 
     /// Importance of a cell within two standard deviations of its Gaussian.
-    fn captured(
-        &self,
-        members: &[u32],
-        points: &Points,
-        list: &[Candidate],
-        mean: DVec3,
-        rotation: DQuat,
-        scale: DVec3,
-    ) -> f64 {
-        let grid = self.classification.field.grid();
+    fn captured(&self, members: &[u32], mean: DVec3, to_world: DAffine3, rotation: DQuat, scale: DVec3) -> f64 {
         let mut inside = 0.0;
-        for &i in members {
-            points.for_each_piece(i as usize, list, self.classification.field, |piece| {
-                let local = rotation.inverse() * grid.vector_to_world(piece.voxel - mean);
+        for &point in members {
+            self.pieces.for_each(point, |piece| {
+                let local = rotation.inverse() * to_world.transform_vector3(piece.place - mean);
                 if (local / scale).length_squared() <= 4.0 {
                     inside += f64::from(piece.weight);
                 }

@@ -200,7 +200,7 @@ fn nan_is_transparent_and_counted() {
     assert!(s.scene.units[0].gaussians.position.iter().all(|p| p.is_finite() && p.x > 3.4));
     let nothing = field(Grid::unit([4; 3]).unwrap(), |_| f32::NAN);
     let error = start(&nothing, &function(&[(0.0, [0.5; 3], 0.5)], &[]), 10).unwrap_err();
-    assert!(matches!(error, DirectError::NothingVisible { voxels: 64, non_finite: 64, .. }), "{error}");
+    assert!(matches!(error, DirectError::NothingVisible { count: 64, non_finite: 64, .. }), "{error}");
 }
 
 #[test]

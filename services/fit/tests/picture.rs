@@ -9,7 +9,7 @@ use sg_raster::volume::region;
 use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
-use sg_volume::dvr::{self, ClipRegion, Lighting, Pinhole, RayMarcher};
+use sg_volume::dvr::{self, ClipRegion, Lighting, Pinhole, RayMarcher, VolumeRenderer as _};
 use sg_volume::phantom::{self, VesselTree};
 
 use sg_volume::{Field, TransferFunction};

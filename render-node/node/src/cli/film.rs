@@ -16,7 +16,7 @@ use sg_scene::framing;
 use sg_scene::model::Scene;
 use sg_scene::view::{FIELD_OF_VIEW, View};
 use sg_viewer::video::{self, VIDEO_TIMEOUT};
-use sg_volume::dvr::RayMarcher;
+use sg_volume::Marcher;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::Picture;
@@ -63,7 +63,7 @@ struct FilmReport<'a> {
 /// What the pictures show.
 enum Source<'a> {
     Gaussians(Box<Painter<'a>>),
-    Volume(&'a SeenVolume, Box<RayMarcher<'a>>),
+    Volume(&'a SeenVolume, Box<Marcher<'a>>),
 }
 
 /// Makes the film; a stopped one keeps its finished pictures.

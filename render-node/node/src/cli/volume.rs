@@ -1,4 +1,4 @@
-//! Pictures of a volume by ray marching, with the options of pictures of a scene.
+//! Pictures of a volume or a mesh by ray marching, with the options of pictures of a scene.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,10 +13,8 @@ use sg_raster::volume::{empty_scene, fast_march, march, region};
 use sg_scene::appearance::Clip;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
-use sg_volume::dvr::RayMarcher;
 use sg_volume::{
-    Field, Limits, TransferFunction, Volume, WorldFrame, automatic_transfer_function, is_volume_path,
-    read_spaced_volume,
+    Dataset, Limits, Marcher, ReadOptions, ScalarField, TransferFunction, WorldFrame, is_volume_path, read_dataset,
 };
 
 use super::failure::Failure;
@@ -30,7 +28,7 @@ pub(super) const BACKEND: &str = "ray marching on the cores";
 
 /// The volume of the command, under its transfer function.
 pub(super) struct SeenVolume {
-    field: Field,
+    field: ScalarField,
     function: TransferFunction,
     frame: WorldFrame,
     step: f64,
@@ -46,10 +44,13 @@ struct VolumeReport<'a> {
     transfer_function: Option<&'a Path>,
     backend: &'static str,
     quality: QualityName,
-    /// Voxels between two samples.
+    /// Voxels between two samples; of a mesh, 1/256 of its diagonal.
     step: f64,
     threads: usize,
-    dims: [usize; 3],
+    /// Voxels along x, y and z; null for a mesh.
+    dims: Option<[usize; 3]>,
+    /// Tetrahedra of a mesh; null for voxels.
+    tetrahedra: Option<usize>,
     camera: &'a Camera,
     read_seconds: f64,
     seconds: f64,
@@ -66,8 +67,9 @@ impl SeenVolume {
     pub(super) fn read(picture: &Picture) -> Result<Option<Self>, Failure> {
         let path = &picture.scene;
         if !is_asked(picture) {
-            if picture.step.is_some() || picture.spacing.is_some() {
-                let line = format!("{}: --step and --spacing are of volumes, and this is a scene", path.display());
+            if picture.step.is_some() || picture.spacing.is_some() || picture.variable.is_some() {
+                let line =
+                    format!("{}: --step, --spacing and --variable are of volumes, and this is a scene", path.display());
                 return Err(Failure::input(line));
             }
             return Ok(None);
@@ -75,7 +77,8 @@ impl SeenVolume {
         refuse_options_of_scenes(picture)?;
         let limits = Limits { own_folder: true, ..Limits::default() };
         let spacing = picture.spacing.map(DVec3::from_array);
-        let volume = read_spaced_volume(path, spacing, limits).map_err(Failure::input)?;
+        let options = ReadOptions { spacing, variable: picture.variable.clone(), limits };
+        let volume = read_dataset(path, &options).map_err(Failure::input)?;
         let field = volume.to_field();
         let function = function(picture, &volume, &field)?;
         Ok(Some(Self {
@@ -88,15 +91,16 @@ impl SeenVolume {
     }
 
     /// The volume, ready for any number of pictures, and a scene without Gaussians in its place.
-    pub(super) fn marcher(&self, clips: &[Clip]) -> Result<(RayMarcher<'_>, Scene), Failure> {
-        let classifier = self.function.classifier(self.field.range()).map_err(Failure::input)?;
-        let place = empty_scene(&self.field, &classifier, self.frame);
-        let marcher = RayMarcher::new(&self.field, classifier, self.step);
+    pub(super) fn marcher(&self, clips: &[Clip]) -> Result<(Marcher<'_>, Scene), Failure> {
+        let field = self.field.as_ref();
+        let classifier = self.function.classifier(field.range()).map_err(Failure::input)?;
+        let place = empty_scene(field, &classifier, self.frame);
+        let marcher = field.marcher(classifier, self.step);
         Ok((marcher.clipped(clips.iter().map(region).collect()), place))
     }
 
     /// The picture at the quality of the options.
-    pub(super) fn draw(&self, marcher: &RayMarcher<'_>, camera: &Camera) -> Image {
+    pub(super) fn draw(&self, marcher: &Marcher<'_>, camera: &Camera) -> Image {
         match self.quality {
             QualityName::Exact => march(marcher, camera),
             QualityName::Standard | QualityName::Fast => fast_march(marcher, camera),
@@ -116,13 +120,17 @@ pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera
     let seconds = clock.elapsed().as_secs_f64();
     let (plain, finish) = look.finish(picture);
     image.save_finished(out, plain, &finish).map_err(Failure::work)?;
-    let dims = volume.field.grid().dims();
+    let (dims, elements) = match &volume.field {
+        ScalarField::Grid(field) => (Some(field.grid().dims()), "voxels"),
+        ScalarField::Mesh(_) => (None, "tetrahedra"),
+    };
+    let count = volume.field.as_ref().elements();
     print::status(&format!(
-        "{}: {} x {} pixels of {} voxels, {seconds:.3} s",
+        "{}: {} x {} pixels of {} {elements}, {seconds:.3} s",
         out.display(),
         image.width,
         image.height,
-        grouped(volume.field.grid().len() as u64),
+        grouped(count as u64),
     ));
     if picture.json {
         print_json(&VolumeReport {
@@ -134,6 +142,7 @@ pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera
             step: volume.step,
             threads: rayon::current_num_threads(),
             dims,
+            tetrahedra: dims.is_none().then_some(count),
             camera: &camera,
             read_seconds: read,
             seconds,
@@ -143,9 +152,11 @@ pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera
 }
 
 /// The given transfer function, or an automatic one.
-fn function(picture: &Picture, volume: &Volume, field: &Field) -> Result<TransferFunction, Failure> {
+fn function(picture: &Picture, volume: &Dataset, field: &ScalarField) -> Result<TransferFunction, Failure> {
     let Some(path) = &picture.transfer_function else {
-        return automatic_transfer_function(field, volume.variable())
+        return field
+            .as_ref()
+            .automatic_transfer_function(volume.variable())
             .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())));
     };
     read_transfer_function(path)

@@ -22,7 +22,8 @@ use sg_reclassify::sources;
 use sg_scene::model::Scene;
 use sg_volume::suggestion::{MOST_UNITS, SuggestedUnit, suggest_base_units};
 use sg_volume::{
-    Field, Limits, TransferFunction, automatic_transfer_function, formats_help, lacks_spacing, read_spaced_volume,
+    Dataset, Limits, ReadOptions, ScalarField, ScalarFieldRef, TransferFunction, formats_help, lacks_spacing,
+    read_dataset, read_spaced_volume,
 };
 
 use crate::failure::{Failure, input, work};
@@ -113,6 +114,9 @@ struct FitArgs {
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none. Label volumes get the same.
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     spacing: Option<DVec3>,
+    /// Quantity to take, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length.
+    #[arg(long, value_name = "NAME")]
+    variable: Option<String>,
     /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
@@ -205,7 +209,13 @@ struct FitReport<'a> {
     volume: &'a Path,
     /// The scene's file.
     scene: &'a Path,
-    dims: [usize; 3],
+    /// Voxels along x, y and z; `None` for a mesh.
+    dims: Option<[usize; 3]>,
+    /// The mesh; `None` for voxels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh: Option<MeshReport>,
+    /// Name of the quantity, if the file has one.
+    variable: Option<&'a str>,
     scalar_type: &'static str,
     /// The file; `None` for an automatic transfer function.
     transfer_function: Option<&'a Path>,
@@ -224,6 +234,17 @@ struct FitReport<'a> {
     training: Option<&'a TrainingReport>,
 }
 
+/// Counts of a mesh.
+#[derive(Serialize)]
+struct MeshReport {
+    points: usize,
+    tetrahedra: usize,
+    /// Tetrahedra without volume, which were left out.
+    flat: usize,
+    /// Tetrahedra with points that are not finite, which were left out.
+    non_finite: usize,
+}
+
 fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let (Some(path), Some(place)) = (&args.volume, args.out.as_ref().or(args.keep_in.as_ref())) else {
         return Err(input("a volume and --out DIR are required; see --help"));
@@ -236,16 +257,27 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
-    let read = |path: &Path, spacing| read_spaced_volume(path, spacing, Limits::default()).map_err(input);
-    let volume = read(path, args.spacing)?;
-    let label_spacing = |labels: &Path| args.spacing.filter(|_| lacks_spacing(labels));
-    let labels = args.labels.as_deref().map(|labels| read(labels, label_spacing(labels))).transpose()?;
+    let options = ReadOptions { spacing: args.spacing, variable: args.variable.clone(), limits: Limits::default() };
+    let volume = read_dataset(path, &options).map_err(input)?;
+    let read_labels = |labels: &Path| {
+        let spacing = args.spacing.filter(|_| lacks_spacing(labels));
+        read_spaced_volume(labels, spacing, Limits::default()).map_err(input)
+    };
+    let labels = args.labels.as_deref().map(read_labels).transpose()?;
     let orientation = orientation_of(volume.frame());
-    let field = volume.to_field();
+    let own_field = volume.to_field();
+    let field = own_field.as_ref();
     let read_seconds = clock.elapsed().as_secs_f64();
+    note_left_out(path, &volume);
     let suggested = match args.suggest_units {
         Some(most) => {
-            let suggested = suggest_base_units(&field, usize::from(most), volume.variable());
+            let ScalarField::Grid(voxels) = &own_field else {
+                return Err(input(format!(
+                    "{}: --suggest-units is for voxels, and this is a mesh; give a transfer function with base_units",
+                    path.display()
+                )));
+            };
+            let suggested = suggest_base_units(voxels, usize::from(most), volume.variable());
             Some(suggested.map_err(|e| input(format!("{}: {e}", path.display())))?)
         }
         None => None,
@@ -257,7 +289,8 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
             loaded.notes(file).for_each(|note| print_line(&note));
             loaded.function
         }
-        (None, None) => automatic_transfer_function(&field, volume.variable())
+        (None, None) => field
+            .automatic_transfer_function(volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
     for unit in suggested.iter().flat_map(|suggested| &suggested.units) {
@@ -274,7 +307,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let keeping = match &args.keep_in {
         Some(folder) => {
             let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;
-            let key = kept_scenes::key(&field, orientation, &function, &options).map_err(work)?;
+            let key = kept_scenes::key(field, orientation, &function, &options).map_err(work)?;
             if let Some(scene) = kept.find(&key) {
                 return report_kept(path, &scene, json);
             }
@@ -286,7 +319,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let (mut scene, direct) = match &args.start {
         Some(start) => (earlier_scene(start, &function)?, None),
         None => {
-            let start = start_directly(args, path, &field, &function, &options)?;
+            let start = start_directly(args, path, field, &function, &options)?;
             (start.scene, Some(start.report))
         }
     };
@@ -296,12 +329,15 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         None
     } else {
         let start = scene.clone();
-        let report = args.training.run(&mut scene, (&field, &classifier), args.seed, args.progress_lines);
+        let report = args.training.run(&mut scene, (field, &classifier), args.seed, args.progress_lines);
         let report = report.map_err(|e| work(format!("{}: {e}", path.display())))?;
         sources::follow_training(&mut scene, &start, &classifier);
         Some(report)
     };
-    let scores = labels.as_ref().filter(|_| suggested.is_some()).and_then(|l| label_scores(&field, &classifier, l));
+    let scores = match (&labels, &own_field) {
+        (Some(labels), ScalarField::Grid(voxels)) if suggested.is_some() => label_scores(voxels, &classifier, labels),
+        _ => None,
+    };
     // Labels come before any output, so a wrong label volume leaves no partial result.
     let truth = labels
         .filter(|_| args.out_truth.is_some())
@@ -330,8 +366,21 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let report = FitReport {
         volume: path,
         scene: &scene_file,
-        dims: field.grid().dims(),
-        scalar_type: volume.scalars().scalar_type().name(),
+        dims: match &own_field {
+            ScalarField::Grid(voxels) => Some(voxels.grid().dims()),
+            ScalarField::Mesh(_) => None,
+        },
+        mesh: match &volume {
+            Dataset::Volume(_) => None,
+            Dataset::Mesh(mesh) => Some(MeshReport {
+                points: mesh.points().len(),
+                tetrahedra: mesh.cells().len(),
+                flat: mesh.left_out().flat,
+                non_finite: mesh.left_out().non_finite,
+            }),
+        },
+        variable: volume.variable(),
+        scalar_type: volume.scalar_type().name(),
         transfer_function: args.transfer_function.as_deref(),
         files,
         read_seconds,
@@ -363,11 +412,25 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Tells of tetrahedra that a mesh has lost.
+fn note_left_out(path: &Path, volume: &Dataset) {
+    let Dataset::Mesh(mesh) = volume else { return };
+    let lost = mesh.left_out();
+    if lost.flat + lost.non_finite > 0 {
+        print_line(&format!(
+            "note: {}: {} tetrahedra without volume and {} with points that are not finite were left out",
+            path.display(),
+            grouped(lost.flat as u64),
+            grouped(lost.non_finite as u64)
+        ));
+    }
+}
+
 /// The direct start, with its progress and its notes.
 fn start_directly(
     args: &FitArgs,
     path: &Path,
-    field: &Field,
+    field: ScalarFieldRef<'_>,
     function: &TransferFunction,
     options: &Options,
 ) -> Result<DirectStart, Failure> {
@@ -382,12 +445,16 @@ fn start_directly(
     bar.finish_and_clear();
     let start = result.map_err(|e| input(format!("{}: {e}", path.display())))?;
     for unit in start.report.units.iter().filter(|u| u.gaussians == 0) {
-        print_line(&format!("note: base unit `{}` has no visible voxel; its file contains no Gaussian", unit.name));
+        print_line(&format!("note: base unit `{}` has nothing visible; its file contains no Gaussian", unit.name));
     }
     let outside = start.report.voxels_outside_base_units;
     if outside > 0 {
         print_line(&format!(
-            "note: {outside} visible voxels are outside the ranges of all base units; they went to the nearest unit"
+            "note: {outside} visible {} are outside the ranges of all base units; they went to the nearest unit",
+            match field {
+                ScalarFieldRef::Grid(_) => "voxels",
+                ScalarFieldRef::Mesh(_) => "tetrahedra",
+            }
         ));
     }
     Ok(start)

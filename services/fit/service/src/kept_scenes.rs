@@ -15,7 +15,7 @@ use sg_formats::LoadOptions;
 use sg_formats::files::short_name;
 use sg_formats::staged_file::sync_folder;
 use sg_scene::orientation::{Axis, LengthUnit, Orientation, PatientFrame};
-use sg_volume::{Field, TransferFunction};
+use sg_volume::{ScalarFieldRef, TransferFunction};
 use tempfile::TempDir;
 
 /// Letters of a key.
@@ -115,26 +115,35 @@ fn is_taken(error: &io::Error) -> bool {
 }
 
 /// The key of a fit: 16 letters of a hash.
-pub(crate) fn key(
-    field: &Field,
+pub(crate) fn key<'a>(
+    field: impl Into<ScalarFieldRef<'a>>,
     orientation: Orientation,
     function: &TransferFunction,
     options: &Options,
 ) -> Result<String, serde_json::Error> {
     let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene of volume 1");
     hasher.update(&REVISION.to_le_bytes());
-    let grid = field.grid();
-    for size in grid.dims() {
-        hasher.update(&(size as u64).to_le_bytes());
-    }
-    let geometry = [grid.spacing(), grid.origin()].into_iter().flat_map(|v| v.to_array());
-    for number in geometry.chain(grid.direction().to_cols_array()).chain([
-        field.offset(),
-        options.flattening,
-        options.interior,
-        options.hidden,
-    ]) {
-        hasher.update(&number.to_le_bytes());
+    let mut add = |bytes: [u8; 8]| {
+        hasher.update(&bytes);
+    };
+    let (offset, values) = match field.into() {
+        ScalarFieldRef::Grid(field) => {
+            let grid = field.grid();
+            grid.dims().into_iter().for_each(|size| add((size as u64).to_le_bytes()));
+            let geometry = [grid.spacing(), grid.origin()].into_iter().flat_map(|v| v.to_array());
+            geometry.chain(grid.direction().to_cols_array()).for_each(|number| add(number.to_le_bytes()));
+            (field.offset(), field.values())
+        }
+        ScalarFieldRef::Mesh(field) => {
+            add((field.cells().len() as u64).to_le_bytes());
+            let places = std::iter::once(field.middle()).chain(field.points().iter().copied());
+            places.flat_map(|place| place.to_array()).for_each(|number| add(number.to_le_bytes()));
+            field.cells().iter().flatten().for_each(|point| add(u64::from(*point).to_le_bytes()));
+            (field.offset(), field.values())
+        }
+    };
+    for number in [offset, options.flattening, options.interior, options.hidden] {
+        add(number.to_le_bytes());
     }
     // A scene without directions and unit keeps the key that it had before scenes stored them.
     if orientation != Orientation::default() {
@@ -148,7 +157,7 @@ pub(crate) fn key(
     let function = function.to_json()?;
     hasher.update(&(function.len() as u64).to_le_bytes()).update(function.as_bytes());
     let mut bytes = Vec::with_capacity(4 << 16);
-    for values in field.values().chunks(1 << 16) {
+    for values in values.chunks(1 << 16) {
         bytes.clear();
         bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         hasher.update(&bytes);
@@ -161,6 +170,7 @@ mod tests {
     use super::*;
     use sg_fit::direct_start;
     use sg_formats::SaveOptions;
+    use sg_volume::Field;
     use sg_volume::phantom::{VesselTree, transfer_function};
 
     fn field(seed: u64) -> Field {

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use sg_fit::training::{Measurement, TrainingError, TrainingOptions, TrainingReport, ViewOptions, train, volume_views};
 use sg_input::print::status as print_line;
 use sg_scene::model::Scene;
-use sg_volume::{Classifier, Field};
+use sg_volume::{Classifier, ScalarFieldRef};
 
 /// Most views, steps and pixels along an edge of a view.
 const MOST: (usize, usize, u32) = (4096, 1_000_000, 2048);
@@ -66,7 +66,7 @@ impl TrainingArgs {
     pub(crate) fn run(
         &self,
         scene: &mut Scene,
-        (field, classifier): (&Field, &Classifier),
+        (field, classifier): (ScalarFieldRef<'_>, &Classifier),
         seed: u64,
         lines: bool,
     ) -> Result<TrainingReport, TrainingError> {

@@ -1,4 +1,4 @@
-//! Pictures to train on: a volume seen by ray marching from all sides.
+//! Pictures to train on: a volume or a mesh seen by ray marching from all sides.
 
 use std::cmp::Ordering;
 use std::f64::consts::PI;
@@ -13,10 +13,9 @@ use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::Scene;
 use sg_scene::view::FIELD_OF_VIEW;
-use sg_volume::dvr::RayMarcher;
-use sg_volume::{Bounds, Classifier, Field, visible_bounds};
+use sg_volume::{Bounds, Classifier, ScalarFieldRef};
 
-/// Voxels between two samples of a ray.
+/// Voxels between two samples of a ray; of a mesh, 1/256 of its diagonal.
 const STEP: f64 = 0.5;
 
 /// Distance of a camera over the one from which the box just fills the picture.
@@ -28,7 +27,7 @@ const LIGHT_ANGLE: f64 = 1.2;
 /// Opacity of a faded base unit.
 const FADED: f32 = 0.2;
 
-/// Voxels drawn at random in search of a shown one. Where those are rarer, a cut goes through the middle of their box.
+/// Voxels or tetrahedra drawn at random in search of a shown one. Where those are rarer, a cut goes through the middle of their box.
 const CUT_TRIALS: usize = 10_000;
 
 /// One picture to train on, or to measure with.
@@ -87,16 +86,17 @@ impl TrainingView {
 /// what is shown are seen. Half of the views show edits, since a picture of the whole scene says nothing about what it
 /// hides: single base units, faded ones, and cuts.
 #[must_use]
-pub fn volume_views(
-    field: &Field,
+pub fn volume_views<'a>(
+    field: impl Into<ScalarFieldRef<'a>>,
     classifier: &Classifier,
     options: &ViewOptions,
     mut progress: impl FnMut(usize, usize),
 ) -> (Vec<TrainingView>, Vec<TrainingView>) {
+    let field = field.into();
     let mut random = ChaCha8Rng::seed_from_u64(options.seed ^ 0x7261_696e);
     let units = classifier.unit_count();
     // Cameras depend on the volume alone, so scenes of any number of Gaussians are measured by the same pictures.
-    let frame = visible_bounds(field, classifier);
+    let frame = field.visible_bounds(classifier);
     let mut plans = Vec::with_capacity(options.views);
     for (k, direction) in directions(options.views, &mut random).into_iter().enumerate() {
         let unit = k / 8 % units;
@@ -130,7 +130,7 @@ pub fn volume_views(
     let mut training = Vec::with_capacity(plans.len());
     for plans in plans.chunk_by(|a, b| a.1 == b.1) {
         let opacities = plans.first().map_or_else(Vec::new, |plan| plan.1.clone());
-        let mut marcher = RayMarcher::new(field, classifier.with_opacities(opacities.clone()), STEP);
+        let mut marcher = field.marcher(classifier.with_opacities(opacities.clone()), STEP);
         for (camera, _, clips) in plans {
             marcher = marcher.clipped(clips.iter().map(region).collect());
             let reference = fast_march(&marcher, camera);
@@ -143,7 +143,7 @@ pub fn volume_views(
         }
     }
     training.shuffle(&mut random);
-    let marcher = RayMarcher::new(field, classifier.clone(), STEP);
+    let marcher = field.marcher(classifier.clone(), STEP);
     let held_out = held_out.into_iter().map(|camera| {
         let reference = march(&marcher, &camera);
         finished(TrainingView { camera, opacities: Vec::new(), clips: Vec::new(), reference })
@@ -152,14 +152,18 @@ pub fn volume_views(
     (training, held_out)
 }
 
-/// A plane, askew, through a voxel that the transfer function shows. It takes away the nearer side to the eye.
-fn cut((field, classifier): (&Field, &Classifier), frame: &Bounds, direction: DVec3, random: &mut ChaCha8Rng) -> Clip {
+/// A plane, askew, through a voxel or tetrahedron that the transfer function shows. It takes away the nearer side to the eye.
+fn cut(
+    (field, classifier): (ScalarFieldRef<'_>, &Classifier),
+    frame: &Bounds,
+    direction: DVec3,
+    random: &mut ChaCha8Rng,
+) -> Clip {
     let mut even = |reach: f64| random.random_range(-reach..reach);
     let normal = (direction + DVec3::new(even(0.4), even(0.4), even(0.4))).normalize();
-    let grid = field.grid();
-    let mut voxels = (0..CUT_TRIALS).map(|_| random.random_range(0..grid.len()));
-    let shown = voxels.find(|i| classifier.opacity(field.raw(*i)) > 0.0);
-    let through = shown.map_or(0.5 * (frame.min + frame.max), |i| grid.to_world(grid.voxel(i).as_dvec3()));
+    let mut elements = (0..CUT_TRIALS).map(|_| field.element(random.random_range(0..field.elements())));
+    let shown = elements.find(|(_, raw)| classifier.opacity(*raw) > 0.0);
+    let through = shown.map_or(0.5 * (frame.min + frame.max), |(place, _)| place);
     Clip::plane(through, normal)
 }
 
