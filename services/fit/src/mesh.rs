@@ -24,8 +24,12 @@ use crate::visibility::least_optical_depth;
 const OCCLUSION_EDGE: usize = 96;
 /// Samples for each Gaussian.
 const SAMPLES: f64 = 16.0;
-/// Samples of a tetrahedron for a first estimate of its importance, and most samples of one.
-const FIRST_SAMPLES: [usize; 2] = [4, 64];
+/// Samples of a tetrahedron for a first estimate of its importance: of a small one, of a large one, and most of one of which only a
+/// thin part counts.
+const FIRST_SAMPLES: [usize; 3] = [4, 64, 4096];
+/// Samples with an importance that make an estimate good enough.
+const LEAST_HITS: f64 = 8.0;
+/// Most samples of one tetrahedron.
 const MOST_SAMPLES: f64 = 65_536.0;
 
 /// Places the Gaussians of all base units. `stage` gets the name of each stage.
@@ -178,6 +182,8 @@ struct ImportanceRule<'a> {
 /// What the first samples tell of a tetrahedron.
 struct CellEstimate {
     units: Vec<UnitEstimate>,
+    /// Share of the samples with an importance.
+    share: f64,
     /// Whether a visible sample is outside the ranges of all base units.
     is_outside: bool,
 }
@@ -217,7 +223,9 @@ impl CellEstimate {
         };
         // A visible tetrahedron has at least a few, as its first ones may have missed what is visible.
         let least = if self.units.is_empty() { FIRST_SAMPLES[0] as f64 } else { 1.0 };
-        self.units.iter().map(wanted).sum::<f64>().ceil().clamp(least, MOST_SAMPLES) as usize
+        // Where only a thin part counts, most samples miss it.
+        let sum = self.units.iter().map(wanted).sum::<f64>() / self.share.max(1e-3);
+        sum.ceil().clamp(least, MOST_SAMPLES) as usize
     }
 }
 
@@ -253,11 +261,22 @@ impl ImportanceRule<'_> {
         hidden * (inside + (1.0 - HOMOGENEOUS) * boundary)
     }
 
+    /// The importance of a tetrahedron from its first samples. Where few of a large one count, more are taken.
     fn estimate(&self, cell: u32) -> CellEstimate {
         let of = CellSampler::new(self.field, cell);
         let cubes = of.volume / self.edge.powi(3);
-        let count = ((8.0 * cubes).ceil().max(1.0) as usize).clamp(FIRST_SAMPLES[0], FIRST_SAMPLES[1]);
-        let mut estimate = CellEstimate { units: Vec::new(), is_outside: false };
+        let mut count = ((8.0 * cubes).ceil().max(1.0) as usize).clamp(FIRST_SAMPLES[0], FIRST_SAMPLES[1]);
+        loop {
+            let estimate = self.estimate_of(&of, cubes, count);
+            if estimate.share * count as f64 >= LEAST_HITS || cubes < 1.0 || count >= FIRST_SAMPLES[2] {
+                return estimate;
+            }
+            count *= 8;
+        }
+    }
+
+    fn estimate_of(&self, of: &CellSampler, cubes: f64, count: usize) -> CellEstimate {
+        let mut estimate = CellEstimate { units: Vec::new(), share: 0.0, is_outside: false };
         for k in 0..count {
             let (at, raw, gradient) = of.sample(k, count);
             let sample = self.sample(at, raw, gradient);
@@ -266,6 +285,7 @@ impl ImportanceRule<'_> {
             if importance <= 0.0 {
                 continue;
             }
+            estimate.share += 1.0 / count as f64;
             let UnitEstimate { importance: sum, is_visible, .. } = estimate.part(sample.unit);
             *sum += importance;
             *is_visible |= sample.is_visible;
