@@ -265,13 +265,17 @@ impl ImportanceRule<'_> {
     fn estimate(&self, cell: u32) -> CellEstimate {
         let of = CellSampler::new(self.field, cell);
         let cubes = of.volume / self.edge.powi(3);
-        let mut count = ((8.0 * cubes).ceil().max(1.0) as usize).clamp(FIRST_SAMPLES[0], FIRST_SAMPLES[1]);
+        // Eight for each cube of an edge resolve all that a Gaussian can.
+        let most = ((8.0 * cubes).ceil() as usize).clamp(FIRST_SAMPLES[0], FIRST_SAMPLES[2]);
+        let [low, high] = self.field.cell(cell as usize).range();
+        let mut count = most.min(FIRST_SAMPLES[1]);
         loop {
             let estimate = self.estimate_of(&of, cubes, count);
-            if estimate.share * count as f64 >= LEAST_HITS || cubes < 1.0 || count >= FIRST_SAMPLES[2] {
+            let is_enough = estimate.share * count as f64 >= LEAST_HITS || count == most;
+            if is_enough || !self.classifier.is_visible_between(low, high) {
                 return estimate;
             }
-            count *= 8;
+            count = (8 * count).min(most);
         }
     }
 
