@@ -101,18 +101,18 @@ impl Input {
     ///
     /// The Gaussians are the same each time, so that earlier edits fit.
     ///
-    /// `spacing` holds the millimetres between the voxels of a raw volume, as `fit --spacing` takes them. `window` shows the
-    /// progress. `None`: a person has cancelled there.
+    /// `window` shows the progress. `None`: a person has cancelled there.
     pub(crate) fn kept_scene(
         &self,
         function: Option<&Path>,
-        spacing: Option<&str>,
+        options: &VolumeOptions,
         window: &mut OpeningWindow,
     ) -> Result<Option<Scene>, Failure> {
         let volume = match self {
-            Self::Scene(path) | Self::Project(path) if spacing.is_some() => {
-                let what = "--spacing is for raw volumes, and this is none; leave it out";
-                return Err(Failure::Input(format!("{}: {what}", path.display())));
+            Self::Scene(path) | Self::Project(path) if !options.given().is_empty() => {
+                let names: Vec<&str> = options.given().into_iter().map(|(name, _)| name).collect();
+                let what = "only for volumes and meshes, and this is none; leave it out";
+                return Err(Failure::Input(format!("{}: {}: {what}", path.display(), names.join(", "))));
             }
             Self::Scene(path) => return Ok(Some(Scene { path: path.clone(), fit_seconds: None })),
             Self::Volume(path) => path,
@@ -123,6 +123,8 @@ impl Input {
         let folder = places.get("scenes").and_then(Value::as_str);
         let folder =
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
+        // A person's own transfer function goes before a shipped one.
+        let function = function.filter(|_| options.transfer_function.is_none());
         let fit = Fit::of(volume, FitTo::Kept(Path::new(folder)), function, (GAUSSIANS, 0));
         let watch = |news: Option<&str>| {
             if let Some((share, step)) = news.and_then(step) {
@@ -130,7 +132,7 @@ impl Input {
             }
             !window.is_cancelled()
         };
-        fit.watched(spacing, watch)
+        fit.watched(options, watch)
     }
 }
 
@@ -152,6 +154,36 @@ fn is_certain(path: &Path, is_scene: bool) -> bool {
     // A folder without a scene file may hold the slices of another format.
     let is_scene = is_scene && (!path.is_dir() || path.join("scene.toml").exists());
     is_scene || is_volume_path(path)
+}
+
+/// How a volume or a mesh becomes a scene, as a person says it: options of `fit`.
+#[derive(Debug, Default, clap::Args)]
+pub(crate) struct VolumeOptions {
+    /// Millimetres between the voxels of a raw volume along x, y and z
+    #[arg(long, value_name = "X,Y,Z")]
+    spacing: Option<String>,
+    /// Quantity of a file that holds several: NAME, or NAME:K for component K of a vector
+    #[arg(long, value_name = "NAME")]
+    variable: Option<String>,
+    /// Transfer function of a volume. Default: one from the histogram
+    #[arg(long, value_name = "TF.json")]
+    transfer_function: Option<PathBuf>,
+    /// Importance of values that the transfer function hides, 0 to 1: other transfer functions can show them then
+    #[arg(long, value_name = "S")]
+    hidden: Option<String>,
+}
+
+impl VolumeOptions {
+    /// The given ones, with their names.
+    fn given(&self) -> Vec<(&'static str, &OsStr)> {
+        let all = [
+            ("--spacing", self.spacing.as_deref().map(OsStr::new)),
+            ("--variable", self.variable.as_deref().map(OsStr::new)),
+            ("--transfer-function", self.transfer_function.as_deref().map(Path::as_os_str)),
+            ("--hidden", self.hidden.as_deref().map(OsStr::new)),
+        ];
+        all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    }
 }
 
 /// Where a fit puts its scene.
@@ -237,13 +269,13 @@ impl<'a> Fit<'a> {
     /// Runs it with `watch` at each of its steps. `None`: `watch` has returned `false`.
     fn watched(
         &self,
-        spacing: Option<&str>,
+        options: &VolumeOptions,
         watch: impl FnMut(Option<&str>) -> bool,
     ) -> Result<Option<Scene>, Failure> {
         let mut arguments = self.arguments();
         arguments.push("--progress-lines".as_ref());
-        if let Some(spacing) = spacing {
-            arguments.extend::<[&OsStr; 2]>(["--spacing".as_ref(), spacing.as_ref()]);
+        for (option, value) in options.given() {
+            arguments.extend([OsStr::new(option), value]);
         }
         self.announced();
         json_watched("fit", &arguments, watch)?.map(|report| self.scene(&report)).transpose()

@@ -12,7 +12,7 @@ use sg_stack::reconcile::Outcome;
 use sg_stack::supervisor::{Stack, Supervisor};
 
 use crate::display::has_display;
-use crate::input::{Input, Scene};
+use crate::input::{Input, Scene, VolumeOptions};
 use crate::opener::CommandOpener;
 use crate::opening_window::OpeningWindow;
 use crate::session_name::session_of;
@@ -25,20 +25,19 @@ pub(crate) struct OpenArgs {
     /// Volume, scene or project
     #[arg(value_name = "VOLUME|SCENE|PROJECT")]
     path: PathBuf,
-    /// Millimetres between the voxels of a raw volume along x, y and z
-    #[arg(long, value_name = "X,Y,Z")]
-    spacing: Option<String>,
+    #[command(flatten)]
+    volume: VolumeOptions,
 }
 
 pub(crate) async fn open(arguments: &OpenArgs, session_name: Option<&str>) -> CommandResult {
-    open_path(&arguments.path, None, arguments.spacing.as_deref(), session_name).await
+    open_path(&arguments.path, None, &arguments.volume, session_name).await
 }
 
 /// Opens a scene or a volume with one of its projects, by default its own one.
 pub(crate) async fn open_path(
     path: &Path,
     project: Option<&Path>,
-    spacing: Option<&str>,
+    options: &VolumeOptions,
     session_name: Option<&str>,
 ) -> CommandResult {
     let input = Input::of(Some(path))?;
@@ -56,7 +55,7 @@ pub(crate) async fn open_path(
     let lock = Lock::take(&session)?;
     // The fit and the services take seconds, and a person who has opened a file by a click sees no terminal.
     let mut window = OpeningWindow::open(path);
-    let scene = match scene_of(&input, spacing, &mut window) {
+    let scene = match scene_of(&input, options, &mut window) {
         Ok(Some(scene)) => scene,
         Ok(None) => {
             lock.remove(is_new);
@@ -122,10 +121,10 @@ fn cancelled() -> CommandResult {
     Ok(())
 }
 
-fn scene_of(input: &Input, spacing: Option<&str>, window: &mut OpeningWindow) -> Result<Option<Scene>, Failure> {
+fn scene_of(input: &Input, options: &VolumeOptions, window: &mut OpeningWindow) -> Result<Option<Scene>, Failure> {
     let shipped = tempfile::tempdir().map_err(|e| Failure::Work(format!("no temporary folder: {e}; set TMPDIR")))?;
     let function = shipped::unpack(shipped.path(), input.shipped_name())?.transfer_function;
-    input.kept_scene(function.as_deref(), spacing, window)
+    input.kept_scene(function.as_deref(), options, window)
 }
 
 /// The lock on a session while Gaussians are made, before a supervisor exists. The system frees it at the end of the

@@ -7,6 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde_json::Value;
 use sg_stack::suggestion::suggestion;
 
+use crate::input::VolumeOptions;
 use crate::open;
 use crate::subcommands::{json_of, run_of_scene};
 use crate::terminal::{self, CommandResult, Failure, columns};
@@ -44,7 +45,7 @@ pub(crate) async fn projects(arguments: &ProjectsArgs, session_name: Option<&str
         }
         Some(ProjectsCommand::Open { name }) => {
             let (scene, project) = scene_of(name)?;
-            open::open_path(&scene, project.as_deref(), None, session_name).await
+            open::open_path(&scene, project.as_deref(), &VolumeOptions::default(), session_name).await
         }
     }
 }

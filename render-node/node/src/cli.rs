@@ -67,7 +67,8 @@ pub(crate) struct Picture {
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none.
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths)]
     spacing: Option<[f64; 3]>,
-    /// Quantity to draw, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length.
+    /// Quantity to draw, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length. Default: that of the
+    /// transfer function, or the first one.
     #[arg(long, value_name = "NAME")]
     variable: Option<String>,
     /// Camera file (JSON). Without one, the whole scene is framed: plain splats from the front, volume scenes obliquely with

@@ -362,6 +362,32 @@ fn a_volume_is_drawn_by_ray_marching() {
 }
 
 #[test]
+fn a_mesh_is_drawn_from_its_tetrahedra() {
+    let folder = volume_folder();
+    let at = folder.path();
+    // Two tetrahedra on a common face: the value rises from the face to both tips.
+    let mesh = "# vtk DataFile Version 4.2\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n\
+        0 0 0 9 0 0 0 9 0 3 3 9 3 3 -9\nCELLS 2 10\n4 0 1 2 3\n4 0 1 2 4\nCELL_TYPES 2\n10 10\nPOINT_DATA 5\n\
+        SCALARS far float\nLOOKUP_TABLE default\n0 0 0 255 255\nSCALARS flat float\nLOOKUP_TABLE default\n0 0 0 0 0\n";
+    std::fs::write(at.join("two.vtk"), mesh).unwrap();
+    let covered = |more: &[&str]| {
+        let arguments = [&["two.vtk", "--width", "80", "--height", "60", "--out", "a.npy", "--json"], more].concat();
+        let report: serde_json::Value = serde_json::from_str(&good(at, &arguments)).unwrap();
+        assert_eq!((&report["tetrahedra"], &report["dims"]), (&2.into(), &serde_json::Value::Null));
+        pixels(&at.join("a.npy")).1.chunks(4).filter(|pixel| pixel[3] > 0.5).count()
+    };
+    let red = ["--transfer-function", "red.tf.json"];
+    let whole = covered(&red);
+    assert!(whole > 100, "{whole}");
+    assert_eq!(covered(&[&red[..], &["--variable", "flat"]].concat()), 0);
+    let half = covered(&[&red[..], &["--clip-plane", "0,0,0,0,0,1"]].concat());
+    assert!(half > 40 && half < whole, "{half} {whole}");
+    let output = run(at, &["two.vtk", "--variable", "near", "--out", "no.png"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("none is called `near`; give one of far, flat"), "{said}");
+}
+
+#[test]
 fn options_of_gaussians_are_refused_for_volumes_and_the_other_way_round() {
     let folder = volume_folder();
     let at = folder.path();
@@ -376,6 +402,7 @@ fn options_of_gaussians_are_refused_for_volumes_and_the_other_way_round() {
         refused(&[&[BALL][..], option].concat(), option[0]);
     }
     refused(&["row.ply", "--step", "0.5"], "--step");
+    refused(&["row.ply", "--variable", "density"], "--variable");
     refused(&["row.ply", "--transfer-function", "red.tf.json"], "row.ply");
     refused(&[BALL, "--transfer-function", "gone.tf.json"], "gone.tf.json");
     let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 3 4\nencoding: raw\ndata file: /etc/hostname\n";

@@ -287,7 +287,7 @@ proptest! {
         }
         let dir = tempfile::tempdir().unwrap();
         let limits = Limits { voxel_bytes: 1 << 20, ..Limits::default() };
-        let options = ReadOptions { limits, variable: variable.map(str::to_owned), spacing: None };
+        let options = ReadOptions { limits, variable: variable.map(str::to_owned), ..ReadOptions::default() };
         match read_dataset(&put(dir.path(), name, &data), &options) {
             Ok(found) => drop(found.to_field()),
             Err(error) => {

@@ -5,7 +5,8 @@
 use std::path::PathBuf;
 
 use sg_volume::histogram::Histogram;
-use sg_volume::{Volume, automatic_transfer_function, read_volume, write_raw};
+use sg_volume::mesh::LeftOut;
+use sg_volume::{Dataset, ReadOptions, Volume, automatic_transfer_function, read_dataset, read_volume, write_raw};
 
 /// A file below the data folder, or nothing, loudly.
 fn data(relative: &str) -> Option<PathBuf> {
@@ -92,5 +93,34 @@ fn automatic_functions_find_the_materials_that_are_there() {
         let histogram = Histogram::of(&field, field.range().low, field.range().high);
         let most = (0..histogram.counts.len()).max_by_key(|&i| histogram.counts[i]).unwrap();
         assert_eq!(classifier.opacity(histogram.border(most)), 0.0, "{name}");
+    }
+}
+
+#[test]
+fn meshes_have_their_tetrahedra_and_quantities() {
+    let cases = [
+        ("meshes/bluntfin_187395tets.vtu.zst", 40_960, 187_395, 77, Some("energy")),
+        ("meshes/comb_215040tets.vtu.zst", 47_025, 215_040, 0, None),
+    ];
+    for (name, points, tetrahedra, flat, energy) in cases {
+        let Some(path) = data(name) else { return };
+        let read = |variable: Option<&str>| {
+            let options = ReadOptions { variable: variable.map(str::to_owned), ..ReadOptions::default() };
+            match read_dataset(&path, &options).unwrap() {
+                Dataset::Mesh(mesh) => mesh,
+                Dataset::Volume(_) => panic!("{name} is a mesh"),
+            }
+        };
+        let mesh = read(None);
+        assert_eq!(mesh.variable(), Some("density"), "{name}");
+        assert_eq!((mesh.points().len(), mesh.cells().len()), (points, tetrahedra - flat), "{name}");
+        assert_eq!(mesh.left_out(), LeftOut { flat, non_finite: 0 }, "{name}");
+        let range = |variable: &str| read(Some(variable)).to_field().range();
+        let (length, along) = (range("momentum"), range("momentum:x"));
+        assert!(length.low >= 0.0 && along.high <= length.high && -along.low <= length.high, "{length:?} {along:?}");
+        if let Some(energy) = energy {
+            assert!(range(energy).low > 0.0);
+        }
+        assert!(read_volume(&path).unwrap_err().to_string().contains("a mesh, where voxels are needed"));
     }
 }

@@ -1,4 +1,4 @@
-//! Training of Gaussians on pictures of a volume: quality over seconds, and edits against the same edits of the transfer
+//! Training of Gaussians on pictures of a volume or a mesh: quality over seconds, and edits against the same edits of the transfer
 //! function, for several volumes. Before that, the ray marching of these pictures: the marcher in f32 against its exact twin.
 //! And direct starts by their number of Gaussians. With `--functions`: other transfer functions for one scene.
 //!
@@ -34,19 +34,20 @@ use sg_scene::appearance::{Appearance, Clip};
 use sg_scene::camera::{Camera, LightMode};
 use sg_scene::model::Scene;
 use sg_tests::plot::{BLUE, Drawn, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, svg};
-use sg_volume::dvr::RayMarcher;
 use sg_volume::phantom::{self, VesselTree};
 use sg_volume::transfer::ControlPoint;
-use sg_volume::{Field, TransferFunction, read_volume};
+use sg_volume::{ReadOptions, ScalarField, ScalarFieldRef, TransferFunction, read_dataset};
 
-/// The synthetic volume, and real ones: the file below the folder of volumes, and the transfer function from here.
-const VOLUMES: [(&str, Option<[&str; 2]>); 6] = [
+/// The synthetic volume, real ones and meshes: the file below the folder of volumes, and the transfer function from here.
+const VOLUMES: [(&str, Option<[&str; 2]>); 8] = [
     ("phantom", None),
     ("bonsai", Some(["bonsai_256x256x256_uint8.raw.zst", "../launch/demo/bonsai.tf.json"])),
     ("aneurism", Some(["aneurism_256x256x256_uint8.raw.zst", "../launch/demo/aneurism.tf.json"])),
     ("tooth", Some(["tooth_103x94x161_uint8.raw.zst", "../launch/demo/tooth.tf.json"])),
     ("lobster", Some(["lobster_small_120x120x34_uint8.raw.zst", "benches/transfer-functions/lobster.tf.json"])),
     ("heptane", Some(["heptane_cropped_302x302x302_uint8.raw.zst", "benches/transfer-functions/heptane.tf.json"])),
+    ("blunt fin", Some(["../meshes/bluntfin_187395tets.vtu.zst", "benches/transfer-functions/bluntfin.tf.json"])),
+    ("combustor", Some(["../meshes/comb_215040tets.vtu.zst", "benches/transfer-functions/combustor.tf.json"])),
 ];
 
 /// Seconds at which the table has a column.
@@ -136,8 +137,8 @@ fn main() {
     for (name, files) in VOLUMES {
         let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
         let Some((field, function)) = is_asked.then(|| volume(&arguments, files)).flatten() else { continue };
-        tables.marching.push(marched(&arguments, name, &field, &function));
-        courses.push(measured(&arguments, name, &field, &function, &mut tables));
+        tables.marching.push(marched(&arguments, name, field.as_ref(), &function));
+        courses.push(measured(&arguments, name, field.as_ref(), &function, &mut tables));
     }
     let Tables { marching, starts, training, edits } = tables;
     let tables = [marching, starts, training, edits].map(|lines| lines.join("\n")).join("\n\n");
@@ -155,6 +156,7 @@ fn other_functions(arguments: &Arguments) {
     for (name, files) in VOLUMES {
         let is_asked = arguments.volumes.is_empty() || arguments.volumes.iter().any(|v| v == name);
         let Some((field, function)) = is_asked.then(|| volume(arguments, files)).flatten() else { continue };
+        let ScalarField::Grid(field) = field else { continue };
         let rows = functions::rows(arguments, name, &field, &function);
         rows.iter().for_each(|row| eprint_line(row));
         table.extend(rows);
@@ -174,23 +176,24 @@ fn head(columns: &[&str]) -> Vec<String> {
     vec![line, rule]
 }
 
-fn volume(arguments: &Arguments, files: Option<[&str; 2]>) -> Option<(Field, TransferFunction)> {
+fn volume(arguments: &Arguments, files: Option<[&str; 2]>) -> Option<(ScalarField, TransferFunction)> {
     let Some([file, function]) = files else {
         let raster = VesselTree::new().rasterize(128, 0).unwrap();
-        return Some((raster.volume().unwrap().to_field(), phantom::transfer_function()));
+        return Some((ScalarField::Grid(raster.volume().unwrap().to_field()), phantom::transfer_function()));
     };
     let path = arguments.data.as_ref()?.join(file);
     let function = Path::new(env!("CARGO_MANIFEST_DIR")).join(function);
     let function = TransferFunction::load(&function).unwrap().function;
-    Some((read_volume(&path).unwrap_or_else(|e| panic!("{e}")).to_field(), function))
+    let options = ReadOptions { preferred: function.variable.clone(), ..ReadOptions::default() };
+    Some((read_dataset(&path, &options).unwrap_or_else(|e| panic!("{e}")).to_field(), function))
 }
 
 /// A row of ray marching: both marchers on the same cameras, in turn.
-fn marched(arguments: &Arguments, name: &str, field: &Field, function: &TransferFunction) -> String {
+fn marched(arguments: &Arguments, name: &str, field: ScalarFieldRef<'_>, function: &TransferFunction) -> String {
     let classifier = function.classifier(field.range()).unwrap();
     let of_views = ViewOptions { views: 0, held_out: 4, size: arguments.size, ..ViewOptions::default() };
     let (_, views) = volume_views(field, &classifier, &of_views, |_, _| {});
-    let marcher = RayMarcher::new(field, classifier, 0.5);
+    let marcher = field.marcher(classifier, 0.5);
     let (mut seconds, mut squares, mut greatest, mut numbers) = ([0.0; 2], 0.0, 0.0_f64, 0);
     for view in &views {
         let mut pictures = [march, fast_march].into_iter().zip(&mut seconds).map(|(march, seconds)| {
@@ -213,7 +216,12 @@ fn marched(arguments: &Arguments, name: &str, field: &Field, function: &Transfer
 }
 
 /// A row for each number of Gaussians: the direct start against the held-out pictures.
-fn started(name: &str, field: &Field, function: &TransferFunction, held_out: &[TrainingView]) -> Vec<String> {
+fn started(
+    name: &str,
+    field: ScalarFieldRef<'_>,
+    function: &TransferFunction,
+    held_out: &[TrainingView],
+) -> Vec<String> {
     let rows = STARTS.into_iter().map(|gaussians| {
         let clock = Instant::now();
         let options = Options { gaussians, ..Options::default() };
@@ -237,7 +245,7 @@ fn started(name: &str, field: &Field, function: &TransferFunction, held_out: &[T
 fn measured(
     arguments: &Arguments,
     name: &'static str,
-    field: &Field,
+    field: ScalarFieldRef<'_>,
     function: &TransferFunction,
     tables: &mut Tables,
 ) -> Course {
@@ -300,7 +308,7 @@ fn decibels(picture: &Image, reference: &Image) -> f64 {
 }
 
 /// The edits of a scene, seen by one camera.
-fn all_edits(scene: &Scene, field: &Field, function: &TransferFunction, camera: &Camera) -> Vec<Edit> {
+fn all_edits(scene: &Scene, field: ScalarFieldRef<'_>, function: &TransferFunction, camera: &Camera) -> Vec<Edit> {
     let count = scene.units.len();
     let plain = |name: &str| Edit {
         name: name.to_owned(),
@@ -334,7 +342,7 @@ fn all_edits(scene: &Scene, field: &Field, function: &TransferFunction, camera: 
     let mut white = plain("white background");
     white.camera.background = [1.0; 3];
     let mut clipped = plain("clipped");
-    let bounds = field.grid().bounds();
+    let bounds = field.bounds();
     let ahead = view.transform_vector3(DVec3::Z);
     clipped.clip = Some(Clip::plane(0.5 * (bounds.min + bounds.max), ahead));
     edits.extend([lit, white, clipped]);
@@ -342,7 +350,7 @@ fn all_edits(scene: &Scene, field: &Field, function: &TransferFunction, camera: 
 }
 
 /// A transfer function with an edit of each base unit.
-fn edited(function: &TransferFunction, field: &Field, units: &[(Vec3, f32, bool)]) -> TransferFunction {
+fn edited(function: &TransferFunction, field: ScalarFieldRef<'_>, units: &[(Vec3, f32, bool)]) -> TransferFunction {
     let classifier = function.classifier(field.range()).unwrap();
     // At a border two points of one value: the end of one unit and the begin of the next.
     let mut points = Vec::new();
@@ -366,9 +374,9 @@ fn edited(function: &TransferFunction, field: &Field, units: &[(Vec3, f32, bool)
 
 impl Edit {
     /// The volume with the edit.
-    fn reference(&self, field: &Field) -> Image {
+    fn reference(&self, field: ScalarFieldRef<'_>) -> Image {
         let classifier = self.function.classifier(field.range()).unwrap();
-        let marcher = RayMarcher::new(field, classifier, 0.5).clipped(self.clip.iter().map(region).collect());
+        let marcher = field.marcher(classifier, 0.5).clipped(self.clip.iter().map(region).collect());
         march(&marcher, &self.camera)
     }
 

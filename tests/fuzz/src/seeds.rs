@@ -53,6 +53,8 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "nhdr" => vec![nhdr("raw", "data.raw", &voxels()), nhdr("gzip", "data.raw", &gzip(&voxels()))],
         "metaimage" => metaimages(),
         "vti" => vec![vti_ascii(), vti_base64(), vti_appended()],
+        "vtu" => vec![vtu("", VTU_CELLS), vtu(" header_type=\"UInt32\"", VTU_QUADRATIC)],
+        "legacy-vtk" => [LEGACY_CELLS, LEGACY_OFFSETS, LEGACY_POINTS, LEGACY_GRID].map(Into::into).to_vec(),
         "nifti" => vec![nifti(&voxels()), nifti2(&voxels())],
         "nifti-gzip" => vec![gzip(&nifti(&voxels()))],
         "transfer-function" => vec![TRANSFER.into(), TRANSFER_LOG.into()],
@@ -291,6 +293,49 @@ fn vti_appended() -> Vec<u8> {
     let after = "<AppendedData encoding=\"base64\">_DAAAAAAUKDxQZHiMoLTI3A==</AppendedData>";
     vti(" header_type=\"UInt32\"", array, after)
 }
+
+fn vtu(header: &str, piece: &str) -> Vec<u8> {
+    format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\"{header}>\
+         <UnstructuredGrid>{piece}</UnstructuredGrid></VTKFile>"
+    )
+    .into_bytes()
+}
+
+/// A tetrahedron and a wedge, with values of points and of cells.
+const VTU_CELLS: &str = "<Piece NumberOfPoints=\"7\" NumberOfCells=\"2\"><PointData Scalars=\"d\">\
+    <DataArray type=\"Float32\" Name=\"d\" format=\"ascii\">0 1 2 3 4 5 6</DataArray></PointData><CellData>\
+    <DataArray type=\"UInt8\" Name=\"m\" format=\"ascii\">1 2</DataArray></CellData><Points>\
+    <DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">\
+    0 0 0 1 0 0 0 1 0 0 0 1 1 0 1 0 1 1 0 0 -1</DataArray></Points><Cells>\
+    <DataArray type=\"Int64\" Name=\"connectivity\" format=\"ascii\">0 2 1 6 0 1 2 3 4 5</DataArray>\
+    <DataArray type=\"Int64\" Name=\"offsets\" format=\"ascii\">4 10</DataArray>\
+    <DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">10 13</DataArray></Cells></Piece>";
+
+/// A quadratic tetrahedron with a vector at each point, and its types in base64.
+const VTU_QUADRATIC: &str = "<Piece NumberOfPoints=\"10\" NumberOfCells=\"1\"><PointData>\
+    <DataArray type=\"Int16\" Name=\"v\" NumberOfComponents=\"2\" format=\"ascii\">\
+    0 1 2 3 4 5 6 7 8 9 0 1 2 3 4 5 6 7 8 9</DataArray></PointData><Points>\
+    <DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">\
+    0 0 0 2 0 0 0 2 0 0 0 2 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 0 1 1</DataArray></Points><Cells>\
+    <DataArray type=\"Int32\" Name=\"connectivity\" format=\"ascii\">0 1 2 3 4 5 6 7 8 9</DataArray>\
+    <DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\">10</DataArray>\
+    <DataArray type=\"UInt8\" Name=\"types\" format=\"binary\">AQAAABg=</DataArray></Cells></Piece>";
+
+const LEGACY_CELLS: &str = "# vtk DataFile Version 3.0\ntwo cells\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n\
+    0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10 10\nCELL_DATA 2\n\
+    SCALARS m int\nLOOKUP_TABLE default\n1 2\nPOINT_DATA 5\nFIELD f 1\nd 1 5 double\n0 1 2 3 nan\n";
+
+const LEGACY_OFFSETS: &str = "# vtk DataFile Version 5.1\none cell\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n\
+    0 0 0 1 0 0 0 1 0 0 0 1\nMETADATA\nINFORMATION 0\n\nCELLS 2 4\nOFFSETS vtktypeint64\n0 4\n\
+    CONNECTIVITY vtktypeint64\n0 1 2 3\nCELL_TYPES 1\n10\nPOINT_DATA 4\nVECTORS v float\n0 1 2 3 4 5 6 7 8 9 0 1\n";
+
+const LEGACY_POINTS: &str = "# vtk DataFile Version 2.0\nvoxels\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\n\
+    ORIGIN 0 0 0\nSPACING 1 1 2\nPOINT_DATA 8\nSCALARS d unsigned_char 1\nLOOKUP_TABLE default\nabcdefgh\n";
+
+const LEGACY_GRID: &str = "# vtk DataFile Version 4.2\nbricks\nASCII\nDATASET RECTILINEAR_GRID\nDIMENSIONS 2 2 3\n\
+    X_COORDINATES 2 float\n0 1\nY_COORDINATES 2 float\n0 2\nZ_COORDINATES 3 float\n0 1 4\nPOINT_DATA 12\n\
+    SCALARS d%20e short\nLOOKUP_TABLE default\n0 1 2 3 4 5 6 7 8 9 10 11\n";
 
 fn nifti(voxels: &[u8]) -> Vec<u8> {
     let mut header = vec![0_u8; 352];

@@ -40,6 +40,8 @@ pub const TARGETS: &[Target] = &[
         volumes::metaimage,
     ),
     target("vti", "VTK image data", Memory::EXPANDED, 4096, volumes::vti),
+    target("vtu", "VTK unstructured grids", Memory::EXPANDED, 4096, volumes::vtu),
+    target("legacy-vtk", "legacy VTK files", Memory::EXPANDED, 4096, volumes::legacy_vtk),
     target("nifti", "NIfTI-1 and NIfTI-2", Memory::EXPANDED, 2048, volumes::nifti),
     target("nifti-gzip", "compressed NIfTI", Memory::EXPANDED, 2048, volumes::nifti_gzip),
     target("transfer-function", "transfer functions", Memory::PARTS, 4096, volumes::transfer_function),

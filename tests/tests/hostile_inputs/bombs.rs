@@ -85,6 +85,41 @@ pub(crate) fn cases() -> Vec<Case> {
         );
         [head.as_bytes(), &data, b"</AppendedData></VTKFile>"].concat()
     };
+    let vtu = |points: u64, mib: usize| {
+        let packed = block(mib);
+        let numbers = [1, (mib << 20) as u32, 0, packed.len() as u32];
+        let data: Vec<u8> = numbers.into_iter().flat_map(u32::to_le_bytes).chain(packed).collect();
+        let array = |name: &str, kind: &str, components: usize| {
+            format!(
+                "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"appended\" offset=\"0\"/>"
+            )
+        };
+        let head = format!(
+            "<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\">\
+             <UnstructuredGrid><Piece NumberOfPoints=\"{points}\" NumberOfCells=\"{points}\"><PointData>{}</PointData>\
+             <Points>{}</Points><Cells>{}{}{}</Cells></Piece></UnstructuredGrid><AppendedData encoding=\"raw\">_",
+            array("d", "Float32", 1),
+            array("p", "Float32", 3),
+            array("connectivity", "Int64", 1),
+            array("offsets", "Int64", 1),
+            array("types", "UInt8", 1),
+        );
+        [head.as_bytes(), &data, b"</AppendedData></VTKFile>"].concat()
+    };
+    fit("a.vtu", vtu(20_000_000, 256));
+    fit("b.vtu", vtu(8, 256));
+    fit("c.vtu", vtu(u64::MAX, 1));
+    fit("a.vtu.zst", zstd::encode_all(&vec![b' '; 256 << 20][..], 1).unwrap());
+    let vtk = |cells: &str| {
+        format!(
+            "# vtk DataFile Version 4.2\nlarge\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS {cells} float\n\
+             CELLS {cells} {cells}\nCELL_TYPES {cells}\nPOINT_DATA {cells}\nSCALARS d float\nLOOKUP_TABLE default\n"
+        )
+    };
+    fit("a.vtk", vtk("4000000000").into_bytes());
+    fit("b.vtk", vtk("18446744073709551615").into_bytes());
+    let grid = "# vtk DataFile Version 4.2\nlarge\nASCII\nDATASET STRUCTURED_GRID\nDIMENSIONS 100000 100000 100000\n";
+    fit("c.vtk", grid.to_owned().into_bytes());
     fit("a.vti", vti("0 1023 0 1023 0 255", 256));
     fit("b.vti", vti("0 7 0 7 0 7", 256));
     fit("c.vti", vti("0 1999 0 1999 0 1999", 256));

@@ -34,7 +34,11 @@ pub(crate) fn cases() -> Vec<Case> {
         }
         // Another reader's file.
         if has_header {
-            let other = if matches!(reader.name, "nrrd" | "nifti" | "vti" | "metaimage") { "ply" } else { "nrrd" };
+            let other = if matches!(reader.name, "nrrd" | "nifti" | "vti" | "vtu" | "legacy vtk" | "metaimage") {
+                "ply"
+            } else {
+                "nrrd"
+            };
             add("another format", RIGHT.of(other));
         }
     }

@@ -31,7 +31,7 @@ const fn reader(name: &'static str, ending: &'static str, words: &'static [&'sta
 }
 
 /// Every reader.
-pub(crate) const READERS: [Reader; 29] = [
+pub(crate) const READERS: [Reader; 31] = [
     reader("ply", ".ply", &["scene", "info", "{}"]),
     reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
     reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
@@ -86,6 +86,8 @@ pub(crate) const READERS: [Reader; 29] = [
     reader("nrrd", ".nrrd", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("metaimage", ".mha", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("vti", ".vti", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("vtu", ".vtu", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("legacy vtk", ".vtk", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("nifti", ".nii", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader(
         "truth volume",
@@ -203,12 +205,30 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("nrrd", [nrrd("8 8 8", "uint8", "raw").into_bytes(), voxels.clone()].concat()),
         ("metaimage", [metaimage("8 8 8", "MET_UCHAR", "").into_bytes(), voxels.clone()].concat()),
         ("vti", vti(&numbers.join(" ")).into_bytes()),
+        ("vtu", VTU.into()),
+        ("legacy vtk", LEGACY_VTK.into()),
         ("nifti", nifti([8, 8, 8], &voxels)),
         ("truth volume", voxels.iter().map(|v| v % 3).collect()),
         ("launch", b"schema = 1\n[service.scene]\nexec = \"/bin/true\"\n".to_vec()),
         ("script", b"[[step]]\nsay = \"help\"\n".to_vec()),
     ])
 });
+
+/// Two tetrahedra with a value at each point.
+pub(crate) const VTU: &str = "<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\"><UnstructuredGrid>\
+    <Piece NumberOfPoints=\"5\" NumberOfCells=\"2\"><PointData Scalars=\"d\">\
+    <DataArray type=\"Float32\" Name=\"d\" format=\"ascii\">0 1 2 3 4</DataArray></PointData>\
+    <Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">\
+    0 0 0 1 0 0 0 1 0 0 0 1 1 1 1</DataArray></Points>\
+    <Cells><DataArray type=\"Int64\" Name=\"connectivity\" format=\"ascii\">0 1 2 3 1 2 3 4</DataArray>\
+    <DataArray type=\"Int64\" Name=\"offsets\" format=\"ascii\">4 8</DataArray>\
+    <DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">10 10</DataArray></Cells>\
+    </Piece></UnstructuredGrid></VTKFile>";
+
+/// The same in a legacy file.
+pub(crate) const LEGACY_VTK: &str = "# vtk DataFile Version 4.2\ntwo cells\nASCII\nDATASET UNSTRUCTURED_GRID\n\
+    POINTS 5 float\n0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n\
+    POINT_DATA 5\nSCALARS d float\nLOOKUP_TABLE default\n0 1 2 3 4\n";
 
 /// A PLY without the comments of its header.
 pub(crate) fn without_comments(ply: &[u8]) -> Vec<u8> {

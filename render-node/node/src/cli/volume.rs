@@ -14,7 +14,7 @@ use sg_scene::appearance::Clip;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_volume::{
-    Dataset, Limits, Marcher, ReadOptions, ScalarField, TransferFunction, WorldFrame, is_volume_path, read_dataset,
+    Limits, Marcher, ReadOptions, ScalarField, TransferFunction, WorldFrame, is_volume_path, read_dataset,
 };
 
 use super::failure::Failure;
@@ -77,10 +77,18 @@ impl SeenVolume {
         refuse_options_of_scenes(picture)?;
         let limits = Limits { own_folder: true, ..Limits::default() };
         let spacing = picture.spacing.map(DVec3::from_array);
-        let options = ReadOptions { spacing, variable: picture.variable.clone(), limits };
+        let given = picture.transfer_function.as_deref().map(read_transfer_function).transpose()?;
+        let preferred = given.as_ref().and_then(|function| function.variable.clone());
+        let options = ReadOptions { spacing, variable: picture.variable.clone(), preferred, limits };
         let volume = read_dataset(path, &options).map_err(Failure::input)?;
         let field = volume.to_field();
-        let function = function(picture, &volume, &field)?;
+        let function = match given {
+            Some(given) => given,
+            None => field
+                .as_ref()
+                .automatic_transfer_function(volume.variable())
+                .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?,
+        };
         Ok(Some(Self {
             field,
             function,
@@ -149,17 +157,6 @@ pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera
         })?;
     }
     Ok(())
-}
-
-/// The given transfer function, or an automatic one.
-fn function(picture: &Picture, volume: &Dataset, field: &ScalarField) -> Result<TransferFunction, Failure> {
-    let Some(path) = &picture.transfer_function else {
-        return field
-            .as_ref()
-            .automatic_transfer_function(volume.variable())
-            .map_err(|e| Failure::input(format!("{}: {e}", picture.scene.display())));
-    };
-    read_transfer_function(path)
 }
 
 /// Options that speak of Gaussians do nothing to a volume. Silence would let a person believe otherwise.

@@ -114,7 +114,8 @@ struct FitArgs {
     /// Millimetres between voxels along x, y and z, for raw volumes: they store none. Label volumes get the same.
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     spacing: Option<DVec3>,
-    /// Quantity to take, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length.
+    /// Quantity to take, of a file that holds several. NAME:K is component K of a vector; NAME alone is its length. Default: that of the
+    /// transfer function, or the first one.
     #[arg(long, value_name = "NAME")]
     variable: Option<String>,
     /// JSON file for the report.
@@ -257,7 +258,20 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     }
     let clock = Instant::now();
     let _made = if args.unconfined { MadeFolders::default() } else { confine(args, path, place)? };
-    let options = ReadOptions { spacing: args.spacing, variable: args.variable.clone(), limits: Limits::default() };
+    let given = match &args.transfer_function {
+        Some(file) => {
+            let loaded = TransferFunction::load(file).map_err(input)?;
+            loaded.notes(file).for_each(|note| print_line(&note));
+            Some(loaded.function)
+        }
+        None => None,
+    };
+    let options = ReadOptions {
+        spacing: args.spacing,
+        variable: args.variable.clone(),
+        preferred: given.as_ref().and_then(|function| function.variable.clone()),
+        limits: Limits::default(),
+    };
     let volume = read_dataset(path, &options).map_err(input)?;
     let read_labels = |labels: &Path| {
         let spacing = args.spacing.filter(|_| lacks_spacing(labels));
@@ -282,13 +296,9 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         }
         None => None,
     };
-    let function = match (&args.transfer_function, &suggested) {
+    let function = match (given, &suggested) {
         (_, Some(suggested)) => suggested.function.clone(),
-        (Some(file), None) => {
-            let loaded = TransferFunction::load(file).map_err(input)?;
-            loaded.notes(file).for_each(|note| print_line(&note));
-            loaded.function
-        }
+        (Some(given), None) => given,
         (None, None) => field
             .automatic_transfer_function(volume.variable())
             .map_err(|e| input(format!("{}: {e}", path.display())))?,

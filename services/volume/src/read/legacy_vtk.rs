@@ -45,7 +45,7 @@ impl VolumeFormat for LegacyVtk {
         let geometry = content.geometry.ok_or_else(|| source.format("DATASET", "there is none", REMEDY))?;
         let quantities: Vec<_> = content.arrays.iter().map(|array| array.quantity.clone()).collect();
         let [of_points, of_cells] = content.active.each_ref().map(Option::as_deref);
-        let choice = choose(source, &quantities, source.variable, [of_points, of_cells])?;
+        let choice = choose(source, &quantities, [of_points, of_cells])?;
         let array = content.arrays.get(choice.quantity);
         let array = array.ok_or_else(|| source.format("POINT_DATA", "no quantity", REMEDY))?;
         let file = File { source, cursor, content: &content };

@@ -45,41 +45,42 @@ pub(super) struct Choice {
     pub(super) part: Part,
 }
 
-/// The quantity of a file that a name selects: `NAME`, or `NAME:K` for component K from 0, or `NAME:x`, `NAME:y`, `NAME:z`. A name
-/// alone means the length of a vector. Without a name the first of these is chosen: the active scalars, another scalar of the
-/// points, one of the cells, the length of any other.
+/// The quantity of a file that its name selects: `NAME`, or `NAME:K` for component K from 0, or `NAME:x`, `NAME:y`, `NAME:z`. A name
+/// alone means the length of a vector. Without a name it is the preferred one, or the first of these: the active scalars, another
+/// scalar of the points, one of the cells, the length of any other.
 pub(super) fn choose(
     source: Source<'_>,
     quantities: &[Quantity],
-    name: Option<&str>,
     active: [Option<&str>; 2],
 ) -> Result<Choice, ReadError> {
-    let list = || {
-        let item = |q: &Quantity| match q.components {
-            1 => q.name.clone(),
-            n => format!("{} ({n} components)", q.name),
-        };
-        quantities.iter().map(item).collect::<Vec<_>>().join(", ")
-    };
-    let whole = |quantity: usize| {
-        let is_scalar = quantities.get(quantity).is_some_and(|q| q.components == 1);
-        Choice { quantity, part: if is_scalar { Part::Component(0) } else { Part::Magnitude } }
-    };
+    if let Some(name) = source.variable {
+        return named(source, quantities, name);
+    }
+    if let Some(Ok(preferred)) = source.preferred.map(|name| named(source, quantities, name)) {
+        return Ok(preferred);
+    }
+    let is_active = |q: &Quantity| active[usize::from(q.of_cells)] == Some(q.name.as_str());
+    let scalar = |q: &Quantity| q.components == 1;
+    let found = quantities.iter().position(|q| is_active(q) && scalar(q) && !q.of_cells);
+    let found = found.or_else(|| quantities.iter().position(|q| scalar(q) && !q.of_cells));
+    let found = found.or_else(|| quantities.iter().position(|q| is_active(q) && scalar(q)));
+    let found = found.or_else(|| quantities.iter().position(scalar));
+    let found = found.or_else(|| quantities.iter().position(|q| q.components > 0));
+    found
+        .map(|quantity| whole(quantities, quantity))
+        .ok_or_else(|| source.format("PointData", "no quantity on the points or cells", "store a field with the mesh"))
+}
+
+/// All of a quantity.
+fn whole(quantities: &[Quantity], quantity: usize) -> Choice {
+    let is_scalar = quantities.get(quantity).is_some_and(|q| q.components == 1);
+    Choice { quantity, part: if is_scalar { Part::Component(0) } else { Part::Magnitude } }
+}
+
+fn named(source: Source<'_>, quantities: &[Quantity], name: &str) -> Result<Choice, ReadError> {
     let place = |name: &str| quantities.iter().position(|q| q.name == name);
-    let Some(name) = name else {
-        let is_active = |q: &Quantity| active[usize::from(q.of_cells)] == Some(q.name.as_str());
-        let scalar = |q: &Quantity| q.components == 1;
-        let found = quantities.iter().position(|q| is_active(q) && scalar(q) && !q.of_cells);
-        let found = found.or_else(|| quantities.iter().position(|q| scalar(q) && !q.of_cells));
-        let found = found.or_else(|| quantities.iter().position(|q| is_active(q) && scalar(q)));
-        let found = found.or_else(|| quantities.iter().position(scalar));
-        let found = found.or_else(|| quantities.iter().position(|q| q.components > 0));
-        return found.map(whole).ok_or_else(|| {
-            source.format("PointData", "no quantity on the points or cells", "store a field with the mesh")
-        });
-    };
     if let Some(found) = place(name) {
-        return Ok(whole(found));
+        return Ok(whole(quantities, found));
     }
     if let Some((stem, component)) = name.rsplit_once(':')
         && let Some(quantity) = place(stem)
@@ -100,7 +101,12 @@ pub(super) fn choose(
             )),
         };
     }
-    Err(source.format("quantities", format!("none is called `{name}`"), format!("give one of {}", list())))
+    let item = |q: &Quantity| match q.components {
+        1 => q.name.clone(),
+        n => format!("{} ({n} components)", q.name),
+    };
+    let list = quantities.iter().map(item).collect::<Vec<_>>().join(", ");
+    Err(source.format("quantities", format!("none is called `{name}`"), format!("give one of {list}")))
 }
 
 /// The chosen part of an array of `components` numbers for each entry. A scalar stays in its type; others become float64.

@@ -88,6 +88,8 @@ pub struct ReadOptions {
     /// The quantity to read, of a file that holds several: its name, or `NAME:K` for component K from 0 of a vector (`x`, `y` and
     /// `z` are 0, 1 and 2). The name of a vector alone means its length.
     pub variable: Option<String>,
+    /// The quantity to read without [`Self::variable`], if the file has it.
+    pub preferred: Option<String>,
     /// Limits on what the file may take.
     pub limits: Limits,
 }
@@ -99,7 +101,12 @@ pub struct ReadOptions {
 /// [`ReadError`]: one line with the file, the place in it and a remedy. Also if a spacing is given for a file with its own, or
 /// a quantity for a format with one.
 pub fn read_dataset(path: &Path, options: &ReadOptions) -> Result<Dataset, ReadError> {
-    let source = Source { path, limits: options.limits, variable: options.variable.as_deref() };
+    let source = Source {
+        path,
+        limits: options.limits,
+        variable: options.variable.as_deref(),
+        preferred: options.preferred.as_deref(),
+    };
     if options.spacing.is_some() && !lacks_spacing(path) {
         let what = "a given spacing is for raw volumes, and this format stores its own";
         return Err(source.format("spacing", what, "leave it out"));
@@ -147,10 +154,10 @@ pub fn read_volume(path: &Path) -> Result<Volume, ReadError> {
 /// # Errors
 /// [`ReadError`]; also if the file has its own spacing, or unless all lengths are finite and above 0.
 pub fn read_spaced_volume(path: &Path, spacing: Option<DVec3>, limits: Limits) -> Result<Volume, ReadError> {
-    match read_dataset(path, &ReadOptions { spacing, limits, variable: None })? {
+    match read_dataset(path, &ReadOptions { spacing, limits, ..ReadOptions::default() })? {
         Dataset::Volume(volume) => Ok(volume),
         Dataset::Mesh(_) => {
-            let source = Source { path, limits, variable: None };
+            let source = Source { path, limits, variable: None, preferred: None };
             Err(source.format("content", "a mesh, where voxels are needed", "resample it to an image in ParaView"))
         }
     }

@@ -32,6 +32,8 @@ pub(super) struct Source<'a> {
     pub(super) limits: Limits,
     /// Name of the quantity to read, of a file that holds several.
     pub(super) variable: Option<&'a str>,
+    /// The quantity to read without that, if the file has it.
+    pub(super) preferred: Option<&'a str>,
 }
 
 impl Source<'_> {

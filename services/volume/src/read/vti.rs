@@ -56,7 +56,9 @@ fn active_array<'d>(source: Source<'_>, document: &'d Document) -> Result<&'d Ar
         named.or_else(|| of.next())
     };
     let of_points = scalar(Section::PointData, &document.point_scalars);
-    of_points.or_else(|| scalar(Section::CellData, &document.cell_scalars)).ok_or_else(|| {
+    let mut scalars = document.arrays.iter().filter(of_data).filter(|a| a.components == 1);
+    let preferred = source.preferred.and_then(|name| scalars.find(|a| a.name == name));
+    preferred.or(of_points).or_else(|| scalar(Section::CellData, &document.cell_scalars)).ok_or_else(|| {
         source.format(
             "PointData",
             format!("no array of one component among {}", document.arrays.len()),

@@ -42,7 +42,7 @@ impl VolumeFormat for VtkUnstructuredGrid {
         }
         let quantities = file.quantities(filled.first().copied().unwrap_or(0));
         let active = [document.point_scalars.as_deref(), document.cell_scalars.as_deref()];
-        let choice = choose(source, &quantities, source.variable, active)?;
+        let choice = choose(source, &quantities, active)?;
         let quantity = quantities.get(choice.quantity).cloned();
         let quantity = quantity.ok_or_else(|| source.format("PointData", "no quantity", REMEDY))?;
         let mut cells = Cells::default();

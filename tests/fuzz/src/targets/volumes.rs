@@ -1,15 +1,15 @@
-//! Volumes and transfer functions.
+//! Volumes, meshes and transfer functions.
 
 use std::path::Path;
 
-use sg_volume::{TransferFunction, automatic_transfer_function, read_volume};
+use sg_volume::{Dataset, ReadOptions, TransferFunction, read_dataset};
 
 use super::accepted;
 use crate::parts::Parts;
 use crate::stage::Stage;
 
-/// Volumes of more voxels are not looked into.
-const MAX_VOXELS: usize = 4096;
+/// Volumes of more voxels, and meshes of more points and tetrahedra, are not looked into.
+const MAX_ELEMENTS: usize = 4096;
 
 /// The first block is the name: it tells the size and the type.
 pub(crate) fn raw(stage: &Stage, input: &[u8]) -> bool {
@@ -47,6 +47,14 @@ pub(crate) fn vti(stage: &Stage, input: &[u8]) -> bool {
     volume(&stage.write("in.vti", input))
 }
 
+pub(crate) fn vtu(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.vtu", input))
+}
+
+pub(crate) fn legacy_vtk(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.vtk", input))
+}
+
 pub(crate) fn nifti(stage: &Stage, input: &[u8]) -> bool {
     volume(&stage.write("in.nii", input))
 }
@@ -56,18 +64,28 @@ pub(crate) fn nifti_gzip(stage: &Stage, input: &[u8]) -> bool {
 }
 
 fn volume(path: &Path) -> bool {
-    let volume = match read_volume(path) {
-        Ok(volume) => volume,
+    let data = match read_dataset(path, &ReadOptions::default()) {
+        Ok(data) => data,
         Err(error) => {
             assert!(!error.to_string().is_empty());
             return false;
         }
     };
-    let voxels: usize = volume.grid().dims().into_iter().product();
-    assert_eq!(voxels, volume.scalars().len());
-    if voxels <= MAX_VOXELS {
-        let field = volume.to_field();
-        if let Ok(function) = automatic_transfer_function(&field, volume.variable()) {
+    let elements = match &data {
+        Dataset::Volume(volume) => {
+            let voxels: usize = volume.grid().dims().into_iter().product();
+            assert_eq!(voxels, volume.scalars().len());
+            voxels
+        }
+        Dataset::Mesh(mesh) => {
+            let points = mesh.points().len() as u32;
+            assert!(mesh.cells().iter().flatten().all(|point| *point < points), "every corner is a point");
+            mesh.points().len() + mesh.cells().len()
+        }
+    };
+    if elements <= MAX_ELEMENTS {
+        let field = data.to_field();
+        if let Ok(function) = field.as_ref().automatic_transfer_function(data.variable()) {
             assert_eq!(function.check(), Ok(()), "an automatic transfer function is right");
         }
     }

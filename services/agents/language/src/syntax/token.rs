@@ -28,10 +28,10 @@ pub(crate) enum Kind {
 }
 
 /// Endings of the files that people name. A word with a dot and another ending is two sentences.
-const FILE_ENDINGS: [&str; 28] = [
+const FILE_ENDINGS: [&str; 30] = [
     ".ply", ".splat", ".ksplat", ".spz", ".sog", ".toml", ".sgproj", ".png", ".jpg", ".jpeg", ".webp", ".json", ".npy",
     ".nrrd", ".nhdr", ".nii", ".nii.gz", ".vti", ".raw", ".raw.gz", ".raw.zst", ".zst", ".mhd", ".mha", ".dcm", ".tif",
-    ".tiff", ".h5",
+    ".tiff", ".h5", ".vtu", ".vtk",
 ];
 
 /// Most characters of a path.
