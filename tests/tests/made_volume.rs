@@ -12,7 +12,7 @@ use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
 use sg_clusters::clustering::{ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
 use sg_clusters::progress::Silent;
-use sg_fit::direct::{Options, direct_start};
+use sg_fit::{Options, direct_start};
 use sg_formats::load::{LoadOptions, load};
 use sg_gpu::{DeviceClass, Gpu, Rasterizer, Renderer, Settings};
 use sg_raster::image::Image;

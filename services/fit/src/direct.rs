@@ -25,11 +25,11 @@ use sg_reclassify::optical_depth::logit_of;
 use sg_reclassify::sources;
 use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::dvr::Material;
-use sg_volume::transfer::Problem;
 use sg_volume::{Bounds, ScalarFieldRef, TransferFunction};
 
 use crate::classification::MAX_UNITS;
-use crate::placement::PlacementError;
+use crate::options::{DirectError, MAX_GAUSSIANS, Options};
+use crate::placed::PlacedUnit;
 use crate::report::{DirectStart, Report, Seconds, UnitReport};
 use crate::shape::Splat;
 use crate::{mesh, voxels};
@@ -37,36 +37,6 @@ use crate::{mesh, voxels};
 /// Revision of the method. It changes whenever the same volume and options give another scene, so that scenes of an earlier
 /// revision are not taken for the present one.
 pub const REVISION: u32 = 5;
-/// Largest allowed number of Gaussians.
-pub const MAX_GAUSSIANS: usize = 1 << 26;
-
-/// Options of a direct start.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Most Gaussians in all base units together.
-    pub gaussians: usize,
-    /// Seed of the placement. A seed gives the same scene on any number of threads.
-    pub seed: u64,
-    /// Thickness of Gaussians along the gradient at clear boundaries, relative to the thickness of their cell, above 0. The
-    /// value 1 does not flatten.
-    pub flattening: f64,
-    /// Importance of what its own unit hides, relative to what is seen, 0 to 1. With 0 nothing is placed there.
-    pub interior: f64,
-    /// Importance of values that the transfer function hides, relative to what it shows, 0 to 1. With 0 nothing is placed there.
-    /// Otherwise other functions can show them ([`sg_reclassify`]).
-    pub hidden: f64,
-    /// Rounds of relaxation after the sampling of the centres.
-    pub relaxation_rounds: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { gaussians: 100_000, seed: 0, flattening: 0.6, interior: 0.1, hidden: 0.0, relaxation_rounds: 1 }
-    }
-}
-
-/// Importance of homogeneous values that another transfer function shows, relative to that of a clear boundary.
-pub(crate) const HOMOGENEOUS: f32 = 0.3;
 /// Distance from the world origin in volume diagonals. Beyond it the units' transform holds the centre of the volume, since
 /// f32 positions would lose digits.
 const DISTANT_DIAGONALS: f64 = 64.0;
@@ -80,49 +50,6 @@ pub struct Progress {
     pub done: usize,
     /// Number of stages.
     pub of: usize,
-}
-
-/// A direct start is not possible.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DirectError {
-    /// The transfer function is invalid.
-    #[error("the transfer function's {0}")]
-    TransferFunction(#[from] Problem),
-    /// The transfer function has too many base units.
-    #[error("the transfer function has {0} base units; at most {MAX_UNITS} are possible; join some")]
-    TooManyUnits(usize),
-    /// No voxel is visible.
-    #[error(
-        "nothing is visible: all {count} {elements} (values {low} to {high}, {non_finite} not finite) have opacity 0 under the \
-         transfer function; raise opacities within that range or check its `units`"
-    )]
-    NothingVisible {
-        /// Number of elements.
-        count: usize,
-        /// "voxels" or "tetrahedra".
-        elements: &'static str,
-        /// Least finite value.
-        low: f64,
-        /// Greatest finite value.
-        high: f64,
-        /// Voxels that are NaN or infinite.
-        non_finite: usize,
-    },
-    /// The number of Gaussians is 0 or too large.
-    #[error("{0} Gaussians; give a number from 1 to {MAX_GAUSSIANS}")]
-    Budget(usize),
-    /// The flattening is outside its range.
-    #[error("flattening {0}; give a number above 0 and at most 1")]
-    Flattening(f64),
-    /// The importance of the interior is outside its range.
-    #[error("an interior of {0}; give a number from 0 to 1")]
-    Interior(f64),
-    /// The importance of hidden values is outside its range.
-    #[error("an importance of {0} for hidden values; give a number from 0 to 1")]
-    Hidden(f64),
-    /// The nearest-neighbour search could not be set up.
-    #[error("the placement failed: {0}")]
-    Placement(#[from] PlacementError),
 }
 
 /// Makes a scene from a volume or a mesh. Each stage calls `progress` at its start. Positions are in the world frame of the field.
@@ -192,46 +119,6 @@ pub fn direct_start<'a>(
     Ok(DirectStart { scene, report })
 }
 
-/// The Gaussians of the base units, before they are a scene.
-pub(crate) struct Placed {
-    /// In the order of the transfer function.
-    pub(crate) units: Vec<PlacedUnit>,
-    /// Voxels or tetrahedra with an opacity above 0.
-    pub(crate) visible: usize,
-    /// Those outside the ranges of all base units.
-    pub(crate) outside_ranges: usize,
-    /// Length that stands for the smallest voxel in the report.
-    pub(crate) edge: f64,
-    pub(crate) seconds: Seconds,
-}
-
-/// The Gaussians of one base unit.
-pub(crate) struct PlacedUnit {
-    pub(crate) splats: Vec<Splat>,
-    /// Sum of the importance of its data.
-    pub(crate) importance: f64,
-    /// Voxels or tetrahedra with an opacity above 0.
-    pub(crate) visible: usize,
-}
-
-/// Divides `n` in proportion to the totals (largest remainders). Each total above 0 gets at least one if `n` is large enough.
-pub(crate) fn apportion(totals: &[f64], n: usize) -> Vec<usize> {
-    let sum: f64 = totals.iter().sum();
-    let wanted = totals.iter().filter(|&&t| t > 0.0).count();
-    let least = usize::from(n >= wanted);
-    let spare = n - least * wanted.min(n);
-    let exact: Vec<f64> = totals.iter().map(|t| t / sum * spare as f64).collect();
-    let mut shares: Vec<usize> =
-        exact.iter().zip(totals).map(|(e, &t)| *e as usize + if t > 0.0 { least } else { 0 }).collect();
-    let mut rest: Vec<usize> = (0..totals.len()).filter(|&i| totals[i] > 0.0).collect();
-    rest.sort_by(|&i, &j| exact[j].fract().total_cmp(&exact[i].fract()).then(i.cmp(&j)));
-    let missing = n.saturating_sub(shares.iter().sum());
-    for &i in rest.iter().cycle().take(missing) {
-        shares[i] += 1;
-    }
-    shares
-}
-
 /// The offset for the units' transform: the centre of a distant volume, else 0.
 fn distant_offset(bounds: Bounds) -> DVec3 {
     let middle = 0.5 * (bounds.min + bounds.max);
@@ -284,25 +171,4 @@ fn base_unit(name: String, splats: &[Splat], palette: Vec3, shift: DVec3) -> Bas
     sources::store(&splats.iter().map(|s| s.source).collect::<Vec<_>>(), &mut gaussians);
     let transform = DMat4::from_translation(shift);
     BaseUnit { palette, transform, oriented_normals: true, ..BaseUnit::new(name, gaussians) }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    proptest! {
-        #[test]
-        fn shares_sum_to_the_budget(totals in prop::collection::vec(prop_oneof![Just(0.0), 1e-6..1e6_f64], 1..6), n in 1..500_usize) {
-            prop_assume!(totals.iter().any(|&t| t > 0.0));
-            let shares = apportion(&totals, n);
-            prop_assert_eq!(shares.iter().sum::<usize>(), n);
-            let wanted = totals.iter().filter(|&&t| t > 0.0).count();
-            for (s, t) in shares.iter().zip(&totals) {
-                prop_assert!(*t > 0.0 || *s == 0);
-                prop_assert!(*t == 0.0 || n < wanted || *s > 0);
-            }
-        }
-    }
 }

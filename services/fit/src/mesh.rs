@@ -12,9 +12,10 @@ use rayon::prelude::*;
 use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Field, Grid, MeshField, Surfaceness, background_values};
 
-use crate::direct::{DirectError, HOMOGENEOUS, Options, Placed, PlacedUnit, apportion};
 use crate::importance::{BOUNDARY_GAIN, opacity_over};
+use crate::options::{DirectError, HOMOGENEOUS, Options};
 use crate::pieces::{Piece, Pieces};
+use crate::placed::{Placed, PlacedUnit, apportion};
 use crate::placement::{relaxed_cells, systematic_sample};
 use crate::report::Seconds;
 use crate::shape::{GaussianBuilder, Splat};

@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use sg_volume::{Classifier, Field, Surfaceness, background_values};
 
 use crate::classification::Classification;
-use crate::direct::{DirectError, HOMOGENEOUS, Options, Placed, PlacedUnit, apportion};
 use crate::importance::candidates;
+use crate::options::{DirectError, HOMOGENEOUS, Options};
+use crate::placed::{Placed, PlacedUnit, apportion};
 use crate::placement::{Points, VoxelPieces, place};
 use crate::report::Seconds;
 use crate::shape::{GaussianBuilder, Splat};

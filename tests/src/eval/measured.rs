@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use glam::{DVec3, USizeVec3};
-use sg_fit::direct::{Options, direct_start};
 use sg_fit::labels::labels_of;
+use sg_fit::{Options, direct_start};
 use sg_volume::transfer::ControlPoint;
 use sg_volume::{Grid, Scalars, TransferFunction, Volume, read_volume};
 

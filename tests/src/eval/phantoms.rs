@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use sg_fit::direct::{Options, direct_start};
 use sg_fit::labels::labels_of;
+use sg_fit::{Options, direct_start};
 use sg_volume::transfer::{ControlPoint, Scale, Units};
 use sg_volume::{Grid, Scalars, TransferFunction, Volume};
 

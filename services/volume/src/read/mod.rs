@@ -1,4 +1,4 @@
-//! Volume files: one table of formats, and reading and writing through it.
+//! Files of volumes and meshes: one table of formats, and reading and writing through it.
 //!
 //! A new format is one file with a type that implements the crate's `VolumeFormat`, and one row in [`FORMATS`].
 //!
@@ -37,7 +37,7 @@ pub use format::Format;
 pub use raw::{raw_file_name, write_raw};
 pub use source::Limits;
 
-/// The formats that [`read_volume`] reads.
+/// The formats that [`read_dataset`] reads.
 pub const FORMATS: &[Format] = &[
     Format::of::<raw::Raw>(),
     Format::of::<nrrd::Nrrd>(),
@@ -48,7 +48,7 @@ pub const FORMATS: &[Format] = &[
     Format::of::<legacy_vtk::LegacyVtk>(),
 ];
 
-/// Endings of the file names that [`read_volume`] reads, in lower case.
+/// Endings of the file names that [`read_dataset`] reads, in lower case.
 pub const ENDINGS: [&str; ENDING_COUNT] = {
     let mut endings = [""; ENDING_COUNT];
     let (mut row, mut filled) = (0, 0);
