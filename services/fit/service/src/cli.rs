@@ -8,21 +8,19 @@ use std::time::Instant;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
-use sg_fit::labels::{LabelScore, label_scores, labels_of};
-use sg_fit::training::TrainingReport;
-use sg_fit::{DirectStart, MAX_GAUSSIANS, Options, Progress, Report, direct_start, orientation_of};
+use sg_fit::labels::{label_scores, labels_of};
+use sg_fit::{DirectStart, MAX_GAUSSIANS, Options, Progress, direct_start, orientation_of};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::{check_scene_target, staged_file};
-use sg_input::number_format::{decimals, grouped};
+use sg_input::number_format::grouped;
 use sg_input::print::status as print_line;
 use sg_input::{file, limits, print};
 use sg_reclassify::sources;
 use sg_scene::model::Scene;
-use sg_volume::suggestion::{MOST_UNITS, SuggestedUnit, suggest_base_units};
+use sg_volume::suggestion::{MOST_UNITS, suggest_base_units};
 use sg_volume::{
-    Dataset, Limits, ReadOptions, ScalarField, ScalarFieldRef, TransferFunction, formats_help, lacks_spacing,
-    read_dataset, read_spaced_volume,
+    Limits, ReadOptions, ScalarField, ScalarFieldRef, TransferFunction, formats_help, lacks_spacing, read_dataset,
+    read_spaced_volume,
 };
 
 use crate::failure::{Failure, input, work};
@@ -30,6 +28,7 @@ use crate::kept_scenes::{self, KeptScene, KeptScenes};
 use crate::output::{make_folder, write, write_truth};
 use crate::own_rights::{Files, MadeFolders, keep_only};
 use crate::phantom;
+use crate::report::{FitReport, MeshReport, note_left_out, suggestion_line, training_line};
 use crate::training_run::TrainingArgs;
 
 const EXAMPLE: &str = "Examples:
@@ -204,47 +203,6 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-#[derive(Serialize)]
-struct FitReport<'a> {
-    volume: &'a Path,
-    /// The scene's file.
-    scene: &'a Path,
-    /// Voxels along x, y and z; `None` for a mesh.
-    dims: Option<[usize; 3]>,
-    /// The mesh; `None` for voxels.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    mesh: Option<MeshReport>,
-    /// Name of the quantity, if the file has one.
-    variable: Option<&'a str>,
-    scalar_type: &'static str,
-    /// The file; `None` for an automatic transfer function.
-    transfer_function: Option<&'a Path>,
-    files: Vec<PathBuf>,
-    read_seconds: f64,
-    write_seconds: f64,
-    /// Suggested base units, if they were asked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suggested: Option<&'a [SuggestedUnit]>,
-    /// Scores of suggested base units against each label, if labels of the same voxels were given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    label_scores: Option<&'a [LabelScore]>,
-    #[serde(flatten)]
-    direct: Option<&'a Report>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    training: Option<&'a TrainingReport>,
-}
-
-/// Counts of a mesh.
-#[derive(Serialize)]
-struct MeshReport {
-    points: usize,
-    tetrahedra: usize,
-    /// Tetrahedra without volume, which were left out.
-    flat: usize,
-    /// Tetrahedra with points that are not finite, which were left out.
-    non_finite: usize,
-}
-
 fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let (Some(path), Some(place)) = (&args.volume, args.out.as_ref().or(args.keep_in.as_ref())) else {
         return Err(input("a volume and --out DIR are required; see --help"));
@@ -379,15 +337,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
             ScalarField::Grid(voxels) => Some(voxels.grid().dims()),
             ScalarField::Mesh(_) => None,
         },
-        mesh: match &volume {
-            Dataset::Volume(_) => None,
-            Dataset::Mesh(mesh) => Some(MeshReport {
-                points: mesh.points().len(),
-                tetrahedra: mesh.cells().len(),
-                flat: mesh.left_out().flat,
-                non_finite: mesh.left_out().non_finite,
-            }),
-        },
+        mesh: MeshReport::of(&volume),
         variable: volume.variable(),
         scalar_type: volume.scalar_type().name(),
         transfer_function: args.transfer_function.as_deref(),
@@ -419,20 +369,6 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-/// Tells of tetrahedra that a mesh has lost.
-fn note_left_out(path: &Path, volume: &Dataset) {
-    let Dataset::Mesh(mesh) = volume else { return };
-    let lost = mesh.left_out();
-    if lost.flat + lost.non_finite > 0 {
-        print_line(&format!(
-            "note: {}: {} tetrahedra without volume and {} with points that are not finite were left out",
-            path.display(),
-            grouped(lost.flat as u64),
-            grouped(lost.non_finite as u64)
-        ));
-    }
 }
 
 /// The direct start, with its progress and its notes.
@@ -485,29 +421,6 @@ fn earlier_scene(file: &Path, function: &TransferFunction) -> Result<Scene, Fail
         None => return Ok(scene),
     };
     Err(input(format!("{}: {problem}; give a scene of this transfer function", file.display())))
-}
-
-/// A suggested base unit, for a person.
-fn suggestion_line(unit: &SuggestedUnit) -> String {
-    let [low, high] = unit.range.map(|x| decimals(x, 2));
-    format!(
-        "suggested base unit `{}`: values {low} to {high}, most often {}, {} voxels",
-        unit.name,
-        decimals(unit.value, 2),
-        grouped(unit.voxels)
-    )
-}
-
-/// What a training has reached.
-fn training_line(trained: &TrainingReport) -> String {
-    let TrainingReport { iterations, seconds, held_out, result, measurements, .. } = trained;
-    let before = measurements.first().map_or(f64::NAN, |first| first.footprint_psnr_db);
-    format!(
-        "trained in {seconds:.1} s, {} steps: {before:.1} dB before, {:.1} dB now, on {held_out} held-out picture{}",
-        grouped(*iterations as u64),
-        result.footprint_psnr_db,
-        if *held_out == 1 { "" } else { "s" }
-    )
 }
 
 /// Gives up all rights but those on the files of this run.

@@ -6,6 +6,7 @@ mod kept_scenes;
 mod output;
 mod own_rights;
 mod phantom;
+mod report;
 mod training_run;
 
 use std::process::ExitCode;
