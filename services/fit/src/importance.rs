@@ -2,13 +2,15 @@
 
 use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
-use sg_volume::Grid;
+use sg_volume::{Grid, Surfaceness};
 
 use crate::classification::Crop;
 use crate::visibility::least_optical_depth;
 
 /// Additional weight of a voxel at an opacity change of 1 across it.
 pub(crate) const BOUNDARY_GAIN: f32 = 2.0;
+/// Importance of homogeneous values that another transfer function shows, relative to that of a clear boundary.
+const HOMOGENEOUS: f32 = 0.3;
 /// Least importance of a candidate, relative to the greatest importance.
 const LEAST_SHARE: f32 = 1e-3;
 
@@ -101,6 +103,22 @@ pub(crate) fn candidates(crop: &Crop, grid: &Grid, interior: f32, hidden: f32) -
         }
     });
     Candidates { list, first: crop.first, total, emphasis, dims: crop.dims, voxel_side }
+}
+
+/// Importance of a place where another transfer function shows its value, 0 to 1: boundaries count most, and the values of the empty
+/// space around the subject do not count. `gradient` is the length of the gradient.
+pub(crate) fn importance_of_value(
+    raw: f64,
+    gradient: f32,
+    background: Option<[f64; 2]>,
+    surfaceness: &Surfaceness,
+) -> f32 {
+    if !raw.is_finite() {
+        return 0.0;
+    }
+    let is_empty = background.is_some_and(|[low, high]| low <= raw && raw <= high);
+    let inside = if is_empty { 0.0 } else { HOMOGENEOUS };
+    inside + (1.0 - HOMOGENEOUS) * surfaceness.at(raw, gradient)
 }
 
 /// Opacity of an extinction (per length) over a length.

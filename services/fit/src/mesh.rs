@@ -44,17 +44,11 @@ pub(crate) fn place_gaussians(
     let surfaceness = Surfaceness::of_range([range.low, range.high], edge, classifier);
     // A mesh without a finite size has no even samples, and nothing hides there.
     let even = field.resampled(OCCLUSION_EDGE).ok();
-    let background = even.as_ref().and_then(background_values).unwrap_or([f64::NAN; 2]);
+    // Only hidden values ask for it.
+    let background = even.as_ref().filter(|_| options.hidden > 0.0).and_then(background_values);
     let shown = field.visible_cells(classifier);
-    let nothing = || DirectError::NothingVisible {
-        count: field.cells().len(),
-        elements: "tetrahedra",
-        low: range.low,
-        high: range.high,
-        non_finite: range.non_finite,
-    };
     if shown.is_empty() {
-        return Err(nothing());
+        return Err(DirectError::nothing_visible(field));
     }
     let candidates: Vec<u32> = if options.hidden > 0.0 { (0..field.cells().len() as u32).collect() } else { shown };
     seconds.classify = clock.elapsed().as_secs_f64();
@@ -79,7 +73,7 @@ pub(crate) fn place_gaussians(
     let outside_ranges = first.iter().filter(|estimate| estimate.is_outside).count();
     let visible_cells = first.iter().filter(|estimate| estimate.units.iter().any(|of| of.is_visible)).count();
     if totals.iter().sum::<f64>() <= 0.0 {
-        return Err(nothing());
+        return Err(DirectError::nothing_visible(field));
     }
     let budgets = apportion(&totals, options.gaussians);
     // Importance of one sample, by base unit.
@@ -95,7 +89,7 @@ pub(crate) fn place_gaussians(
         let clock = Instant::now();
         let mut splats: Vec<Splat> = Vec::new();
         if budget > 0 && samples.importance > 0.0 {
-            let mut random = ChaCha8Rng::seed_from_u64(options.seed.wrapping_add((unit as u64) << 32));
+            let mut random = ChaCha8Rng::seed_from_u64(options.seed_of(unit));
             let boxes = samples.positions.iter().zip(&samples.weights);
             let boxes = boxes.map(|(p, weight)| (Vec3::from_array(*p).as_dvec3(), *weight));
             let jitter = |sample: usize, random: &mut ChaCha8Rng| {
@@ -114,11 +108,7 @@ pub(crate) fn place_gaussians(
                 flattening: options.flattening,
                 keeps_hidden: options.hidden > 0.0,
             };
-            splats = (0..cells.len())
-                .into_par_iter()
-                .with_min_len(64)
-                .filter_map(|i| builder.splat(cells.points(i)))
-                .collect();
+            splats = builder.splats(&cells);
             seconds.shape += clock.elapsed().as_secs_f64();
         } else {
             stage("shaping Gaussians");

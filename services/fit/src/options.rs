@@ -1,5 +1,6 @@
 //! Options of a direct start, and its errors.
 
+use sg_volume::ScalarFieldRef;
 use sg_volume::transfer::Problem;
 
 use crate::classification::MAX_UNITS;
@@ -33,8 +34,12 @@ impl Default for Options {
     }
 }
 
-/// Importance of homogeneous values that another transfer function shows, relative to that of a clear boundary.
-pub(crate) const HOMOGENEOUS: f32 = 0.3;
+impl Options {
+    /// The seed of a base unit: its samples are others than those of the next one.
+    pub(crate) fn seed_of(&self, unit: usize) -> u64 {
+        self.seed.wrapping_add((unit as u64) << 32)
+    }
+}
 /// A direct start is not possible.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DirectError {
@@ -52,7 +57,7 @@ pub enum DirectError {
     NothingVisible {
         /// Number of elements.
         count: usize,
-        /// "voxels" or "tetrahedra".
+        /// The word for them, as [`ScalarFieldRef::elements_name`] gives it.
         elements: &'static str,
         /// Least finite value.
         low: f64,
@@ -76,4 +81,19 @@ pub enum DirectError {
     /// The nearest-neighbour search could not be set up.
     #[error("the placement failed: {0}")]
     Placement(#[from] PlacementError),
+}
+
+impl DirectError {
+    /// Nothing of a field is visible.
+    pub(crate) fn nothing_visible<'a>(field: impl Into<ScalarFieldRef<'a>>) -> Self {
+        let field = field.into();
+        let range = field.range();
+        Self::NothingVisible {
+            count: field.elements(),
+            elements: field.elements_name(),
+            low: range.low,
+            high: range.high,
+            non_finite: range.non_finite,
+        }
+    }
 }

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use rayon::prelude::*;
 use sg_reclassify::optical_depth::opacity_of;
 use sg_reclassify::sources::Source;
 use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
@@ -10,6 +11,7 @@ use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Surfaceness};
 
 use crate::pieces::Pieces;
+use crate::placement::Cells;
 
 /// Standard deviation of a Gaussian relative to that of its cell, for a nearly clear cell. A cell of a regular tiling has
 /// h/√12, so the Gaussian has about 0.45 h.
@@ -82,8 +84,14 @@ impl Moments {
 }
 
 impl<P: Pieces> GaussianBuilder<'_, P> {
+    /// The Gaussians of all cells that have one, in their order.
+    pub(crate) fn splats(&self, cells: &Cells) -> Vec<Splat> {
+        let each = (0..cells.len()).into_par_iter().with_min_len(64);
+        each.filter_map(|i| self.splat(cells.points(i))).collect()
+    }
+
     /// The Gaussian of the cell with the sample points `members`; `None` for a transparent cell.
-    pub(crate) fn splat(&self, members: &[u32]) -> Option<Splat> {
+    fn splat(&self, members: &[u32]) -> Option<Splat> {
         let (unit_volume, reference) = (self.pieces.unit_volume(), self.pieces.reference_length());
         let mut sums = Moments::default();
         for &point in members {
@@ -189,7 +197,8 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-fn outer(v: DVec3) -> DMat3 {
+/// v·vᵀ.
+pub(crate) fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 

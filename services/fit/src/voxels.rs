@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use sg_volume::{Classifier, Field, Surfaceness, background_values};
 
 use crate::classification::Classification;
-use crate::importance::candidates;
-use crate::options::{DirectError, HOMOGENEOUS, Options};
+use crate::importance::{candidates, importance_of_value};
+use crate::options::{DirectError, Options};
 use crate::placed::{Placed, PlacedUnit, apportion};
 use crate::placement::{Points, VoxelPieces, place};
 use crate::report::Seconds;
@@ -33,15 +33,8 @@ pub(crate) fn place_gaussians(
     let emphasis = (options.hidden > 0.0).then(|| emphasis_of_values(field, &smooth, &surfaceness));
     let classification = Classification::new(field, classifier, emphasis);
     let visible_voxels = classification.statistics.iter().map(|c| c.visible).sum();
-    let range = field.range();
     if visible_voxels == 0 {
-        return Err(DirectError::NothingVisible {
-            count: field.values().len(),
-            elements: "voxels",
-            low: range.low,
-            high: range.high,
-            non_finite: range.non_finite,
-        });
+        return Err(DirectError::nothing_visible(field));
     }
     seconds.classify = clock.elapsed().as_secs_f64();
 
@@ -66,8 +59,7 @@ pub(crate) fn place_gaussians(
         let mut splats: Vec<Splat> = Vec::new();
         if let Some(candidates) = candidates.filter(|_| budget > 0) {
             let points = Points::new(&candidates, &classification, budget);
-            // A seed for each unit keeps the samples of two units apart.
-            let seed = options.seed.wrapping_add((unit as u64) << 32);
+            let seed = options.seed_of(unit);
             let cells = place(&candidates, &points, field, budget, options.relaxation_rounds, seed)?;
             seconds.placement += clock.elapsed().as_secs_f64();
             stage("shaping Gaussians");
@@ -79,11 +71,7 @@ pub(crate) fn place_gaussians(
                 flattening: options.flattening,
                 keeps_hidden: options.hidden > 0.0,
             };
-            splats = (0..cells.len())
-                .into_par_iter()
-                .with_min_len(64)
-                .filter_map(|i| builder.splat(cells.points(i)))
-                .collect();
+            splats = builder.splats(&cells);
             seconds.shape += clock.elapsed().as_secs_f64();
         } else {
             stage("shaping Gaussians");
@@ -103,19 +91,13 @@ pub(crate) fn place_gaussians(
     })
 }
 
-/// Importance of each voxel where another transfer function shows its value, 0 to 1: boundaries count most, and the values of the
-/// empty space around the subject do not count.
+/// Importance of each voxel where another transfer function shows its value ([`importance_of_value`]).
 fn emphasis_of_values(field: &Field, smooth: &Field, surfaceness: &Surfaceness) -> Vec<f32> {
-    let [low, high] = background_values(field).unwrap_or([f64::NAN; 2]);
+    let background = background_values(field);
     let emphasis = |i: usize| {
-        let raw = field.raw(i);
-        if !raw.is_finite() {
-            return 0.0;
-        }
         let at = field.grid().voxel(i);
-        let boundary = surfaceness.at(raw, smooth.gradient_at(at.x, at.y, at.z).length());
-        let inside = if low <= raw && raw <= high { 0.0 } else { HOMOGENEOUS };
-        inside + (1.0 - HOMOGENEOUS) * boundary
+        let gradient = smooth.gradient_at(at.x, at.y, at.z);
+        importance_of_value(field.raw(i), gradient.length(), background, surfaceness)
     };
     (0..field.grid().len()).into_par_iter().with_min_len(1024).map(emphasis).collect()
 }

@@ -161,6 +161,15 @@ impl<'a> ScalarFieldRef<'a> {
         }
     }
 
+    /// The word for voxels or tetrahedra, for a person.
+    #[must_use]
+    pub fn elements_name(self) -> &'static str {
+        match self {
+            Self::Grid(_) => "voxels",
+            Self::Mesh(_) => "tetrahedra",
+        }
+    }
+
     /// The middle of a voxel or tetrahedron in the world, and the raw value there; NaN past the end.
     #[must_use]
     pub fn element(self, index: usize) -> (DVec3, f64) {
@@ -168,8 +177,7 @@ impl<'a> ScalarFieldRef<'a> {
             Self::Grid(field) => (field.grid().to_world(field.grid().voxel(index).as_dvec3()), field.raw(index)),
             Self::Mesh(field) if index < field.cells().len() => {
                 let cell = field.cell(index);
-                let middle = cell.corners.iter().sum::<DVec3>() / 4.0;
-                (field.middle() + middle, cell.values.iter().sum::<f64>() / 4.0)
+                (field.middle() + cell.middle(), cell.values.iter().sum::<f64>() / 4.0)
             }
             Self::Mesh(_) => (DVec3::NAN, f64::NAN),
         }

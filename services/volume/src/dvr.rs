@@ -44,6 +44,15 @@ pub struct Pinhole {
     pub world_to_camera: DMat4,
 }
 
+impl Pinhole {
+    /// The unit direction in the world through the middle of a pixel.
+    pub(crate) fn direction(&self, camera_to_world: &DMat4, x: usize, y: usize) -> DVec3 {
+        let x = (x as f64 + 0.5 - self.center[0]) / self.focal[0];
+        let y = (y as f64 + 0.5 - self.center[1]) / self.focal[1];
+        camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize()
+    }
+}
+
 /// Lighting of samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Lighting {
@@ -162,28 +171,30 @@ impl<'a> RayMarcher<'a> {
     }
 
     /// Calls `march` for the kept parts of each ray, from near to far.
-    fn pixels(&self, camera: &Pinhole, background: Vec3, march: impl Fn(&Ray, f64, f64, &mut Seen) + Sync) -> Image {
+    fn pixels(
+        &self,
+        camera: &Pinhole,
+        background: Vec3,
+        march: impl Fn(&Ray, f64, f64, &mut CollectedLight) + Sync,
+    ) -> Image {
         let grid = self.field.grid();
         let high = DVec3::from_array(grid.dims().map(|d| d as f64 - 0.5));
         let camera_to_world = camera.world_to_camera.inverse();
         let eye = camera_to_world.transform_point3(DVec3::ZERO);
         let start = grid.to_voxel(eye);
         let pixel = |x: usize, y: usize| {
-            let x = (x as f64 + 0.5 - camera.center[0]) / camera.focal[0];
-            let y = (y as f64 + 0.5 - camera.center[1]) / camera.focal[1];
-            let direction = camera_to_world.transform_vector3(DVec3::new(x, y, 1.0)).normalize();
+            let direction = camera.direction(&camera_to_world, x, y);
             let ray = Ray { direction, start, along: grid.vector_to_voxel(direction) };
-            let mut seen = Seen { color: Vec3::ZERO, transmittance: 1.0 };
+            let mut light = CollectedLight::NONE;
             if let Some((near, far)) = intersect_box(start, ray.along, DVec3::splat(-0.5), high) {
                 if self.clips.is_empty() {
-                    march(&ray, near, far, &mut seen);
+                    march(&ray, near, far, &mut light);
                 } else {
                     kept_parts(&self.clips, eye, direction, near, far)
-                        .for_each(|(near, far)| march(&ray, near, far, &mut seen));
+                        .for_each(|(near, far)| march(&ray, near, far, &mut light));
                 }
             }
-            let c = seen.color + background * seen.transmittance as f32;
-            [c.x, c.y, c.z, 1.0 - seen.transmittance as f32]
+            light.over(background)
         };
         let width = camera.width.max(1);
         let mut pixels = vec![[0.0; 4]; camera.width * camera.height];
@@ -201,11 +212,11 @@ impl<'a> RayMarcher<'a> {
     }
 
     /// Adds the samples of one part of a ray.
-    fn march(&self, ray: &Ray, (near, far): (f64, f64), lighting: Lighting, seen: &mut Seen) {
+    fn march(&self, ray: &Ray, (near, far): (f64, f64), lighting: Lighting, light: &mut CollectedLight) {
         let inverse = ray.along.recip();
         let steps = ((far - near) / self.step).ceil();
         let mut next = 0.0;
-        while next < steps && seen.transmittance >= LEAST_TRANSMITTANCE {
+        while next < steps && light.transmittance >= LEAST_TRANSMITTANCE {
             let from = near + next * self.step;
             let length = self.step.min(far - from);
             let at = ray.start + ray.along * (from + 0.5 * length);
@@ -222,8 +233,7 @@ impl<'a> RayMarcher<'a> {
                 continue;
             }
             let alpha = correct_opacity(f64::from(opacity), length, self.reference);
-            seen.color += (seen.transmittance * alpha) as f32 * self.shade(sample, value, at, ray.direction, lighting);
-            seen.transmittance *= 1.0 - alpha;
+            light.add(alpha, self.shade(sample, value, at, ray.direction, lighting));
         }
     }
 
@@ -232,8 +242,8 @@ impl<'a> RayMarcher<'a> {
             Lighting::Unlit => color,
             Lighting::Lit(material, light) => {
                 let gradient = self.field.gradient(at);
-                let material = material.with_surfaceness(self.surfaceness.at(value, gradient.length()));
-                material.shaded(color, -gradient.normalize_or_zero(), -direction.as_vec3(), light)
+                let surfaceness = self.surfaceness.at(value, gradient.length());
+                material.lit(color, gradient, surfaceness, -direction.as_vec3(), light)
             }
         }
     }
@@ -242,22 +252,39 @@ impl<'a> RayMarcher<'a> {
 impl VolumeRenderer for RayMarcher<'_> {
     /// Marches a ray through each pixel, in f64.
     fn picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
-        self.pixels(camera, background, |ray, near, far, seen| self.march(ray, (near, far), lighting, seen))
+        self.pixels(camera, background, |ray, near, far, light| self.march(ray, (near, far), lighting, light))
     }
 
     /// The same picture several times as fast, off by less than 1/255 almost everywhere. Samples have the same places. Their values
     /// are in f32, colours and opacities come from a table, and a ray stops at a transmittance of 1/2000.
     fn fast_picture(&self, camera: &Pinhole, lighting: Lighting, background: Vec3) -> Image {
         let fast = FastMarcher::new(self, lighting);
-        self.pixels(camera, background, |ray, near, far, seen| fast.march(ray, (near, far), seen))
+        self.pixels(camera, background, |ray, near, far, light| fast.march(ray, (near, far), light))
     }
 }
 
-/// What a ray has met: premultiplied colour, and what of the light behind it remains.
+/// The light that a ray has collected: premultiplied colour, and the share of the light behind that comes through.
 #[derive(Clone, Copy)]
-struct Seen {
-    color: Vec3,
-    transmittance: f64,
+pub(crate) struct CollectedLight {
+    pub(crate) color: Vec3,
+    pub(crate) transmittance: f64,
+}
+
+impl CollectedLight {
+    /// Before the first sample.
+    pub(crate) const NONE: Self = Self { color: Vec3::ZERO, transmittance: 1.0 };
+
+    /// Adds a sample behind all others.
+    pub(crate) fn add(&mut self, alpha: f64, color: Vec3) {
+        self.color += (self.transmittance * alpha) as f32 * color;
+        self.transmittance *= 1.0 - alpha;
+    }
+
+    /// The pixel before a background.
+    pub(crate) fn over(self, background: Vec3) -> [f32; 4] {
+        let c = self.color + background * self.transmittance as f32;
+        [c.x, c.y, c.z, 1.0 - self.transmittance as f32]
+    }
 }
 
 impl Material {
@@ -276,7 +303,12 @@ impl Material {
         }
     }
 
-    pub(crate) fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
+    /// The colour of a sample with this gradient and surfaceness.
+    pub(crate) fn lit(self, color: Vec3, gradient: Vec3, surfaceness: f32, to_eye: Vec3, light: Illumination) -> Vec3 {
+        self.with_surfaceness(surfaceness).shaded(color, -gradient.normalize_or_zero(), to_eye, light)
+    }
+
+    fn shaded(&self, color: Vec3, normal: Vec3, to_eye: Vec3, light: Illumination) -> Vec3 {
         let (to_light, half) = match light {
             Illumination::Headlight => (to_eye, to_eye),
             Illumination::Direction(direction) => {

@@ -12,7 +12,7 @@ use glam::DVec3;
 use crate::scalars::{ScalarType, Scalars};
 use crate::world_frame::WorldFrame;
 
-pub use field::MeshField;
+pub use field::{MeshCell, MeshField};
 pub use marcher::MeshMarcher;
 pub(crate) use split::{CellShape, split_cell};
 

@@ -238,6 +238,14 @@ impl ScalarType {
 }
 
 impl Scalars {
+    /// The values in f32, what was subtracted from them, and their range. For types that f32 cannot hold exactly, that is the least
+    /// value. The subtraction is in f64, so small differences on a large offset survive.
+    pub(crate) fn narrowed(&self) -> (Vec<f32>, f64, ValueRange) {
+        let range = self.range();
+        let offset = if self.scalar_type().fits_f32() { 0.0 } else { range.low };
+        (self.to_f32(offset), offset, range)
+    }
+
     /// Whether there is no value.
     #[must_use]
     pub fn is_empty(&self) -> bool {

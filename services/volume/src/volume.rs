@@ -83,9 +83,8 @@ impl Volume {
     /// the least value. The subtraction is in f64, so small differences on a large offset survive.
     #[must_use]
     pub fn to_field(&self) -> Field {
-        let range = self.scalars.range();
-        let offset = if self.scalars.scalar_type().fits_f32() { 0.0 } else { range.low };
-        Field::from_parts(self.grid.clone(), self.scalars.to_f32(offset), offset, range)
+        let (values, offset, range) = self.scalars.narrowed();
+        Field::from_parts(self.grid.clone(), values, offset, range)
     }
 }
 

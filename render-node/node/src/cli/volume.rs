@@ -128,11 +128,12 @@ pub(super) fn draw(picture: &Picture, volume: &SeenVolume, camera: Option<Camera
     let seconds = clock.elapsed().as_secs_f64();
     let (plain, finish) = look.finish(picture);
     image.save_finished(out, plain, &finish).map_err(Failure::work)?;
-    let (dims, elements) = match &volume.field {
-        ScalarField::Grid(field) => (Some(field.grid().dims()), "voxels"),
-        ScalarField::Mesh(_) => (None, "tetrahedra"),
+    let dims = match &volume.field {
+        ScalarField::Grid(field) => Some(field.grid().dims()),
+        ScalarField::Mesh(_) => None,
     };
-    let count = volume.field.as_ref().elements();
+    let field = volume.field.as_ref();
+    let (count, elements) = (field.elements(), field.elements_name());
     print::status(&format!(
         "{}: {} x {} pixels of {} {elements}, {seconds:.3} s",
         out.display(),

@@ -396,10 +396,7 @@ fn start_directly(
     if outside > 0 {
         print_line(&format!(
             "note: {outside} visible {} are outside the ranges of all base units; they went to the nearest unit",
-            match field {
-                ScalarFieldRef::Grid(_) => "voxels",
-                ScalarFieldRef::Mesh(_) => "tetrahedra",
-            }
+            field.elements_name()
         ));
     }
     Ok(start)

@@ -6,8 +6,8 @@ use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Field, Grid, MeshField, Surfaceness};
 
 use super::samples::{CellSampler, RawSample, Samples};
-use crate::importance::{BOUNDARY_GAIN, opacity_over};
-use crate::options::{HOMOGENEOUS, Options};
+use crate::importance::{BOUNDARY_GAIN, importance_of_value, opacity_over};
+use crate::options::Options;
 use crate::visibility::least_optical_depth;
 
 /// Samples of a tetrahedron for a first estimate of its importance: of a small one, of a large one, and most of one of which only a
@@ -57,7 +57,7 @@ pub(super) struct ImportanceRule<'a> {
     /// By base unit; `None` if nothing hides.
     pub(super) occlusion: Vec<Option<Occlusion>>,
     /// Values of the empty space around the subject.
-    pub(super) background: [f64; 2],
+    pub(super) background: Option<[f64; 2]>,
     /// Length that stands for a voxel.
     pub(super) edge: f64,
     pub(super) options: &'a Options,
@@ -137,21 +137,19 @@ impl ImportanceRule<'_> {
     /// Importance where another transfer function shows the value.
     fn least(&self, raw: f64, gradient: Vec3) -> f32 {
         let hidden = self.options.hidden as f32;
-        if hidden == 0.0 || !raw.is_finite() {
+        if hidden == 0.0 {
             return 0.0;
         }
-        let boundary = self.surfaceness.at(raw, gradient.length());
-        let inside = if self.background[0] <= raw && raw <= self.background[1] { 0.0 } else { HOMOGENEOUS };
-        hidden * (inside + (1.0 - HOMOGENEOUS) * boundary)
+        hidden * importance_of_value(raw, gradient.length(), self.background, self.surfaceness)
     }
 
     /// The importance of a tetrahedron from its first samples. Where few of a large one count, more are taken.
     pub(super) fn estimate(&self, cell: u32) -> CellEstimate {
         let of = CellSampler::new(self.field, cell);
-        let cubes = of.volume / self.edge.powi(3);
+        let cubes = of.cell.volume() / self.edge.powi(3);
         // Eight for each cube of an edge resolve all that a Gaussian can.
         let most = ((8.0 * cubes).ceil() as usize).clamp(FIRST_SAMPLES[0], FIRST_SAMPLES[2]);
-        let [low, high] = self.field.cell(cell as usize).range();
+        let [low, high] = of.cell.range();
         let mut count = most.min(FIRST_SAMPLES[1]);
         loop {
             let estimate = self.estimate_of(&of, cubes, count);
@@ -189,7 +187,7 @@ impl ImportanceRule<'_> {
             .with_min_len(256)
             .map(|(&cell, &count)| {
                 let of = CellSampler::new(self.field, cell);
-                let share = of.volume / count as f64;
+                let share = of.cell.volume() / count as f64;
                 let each = |k| {
                     let (at, raw, gradient) = of.sample(k, count);
                     let sample = self.sample(at, raw, gradient);

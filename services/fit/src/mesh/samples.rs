@@ -5,15 +5,15 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sg_volume::MeshField;
+use sg_volume::mesh::MeshCell;
 
 use crate::pieces::{Piece, Pieces};
+use crate::shape::outer;
 
 /// Even samples of one tetrahedron.
 pub(super) struct CellSampler {
-    corners: [DVec3; 4],
-    values: [f64; 4],
+    pub(super) cell: MeshCell,
     gradients: [Vec3; 4],
-    pub(super) volume: f64,
     /// The start of the sequence: that of neighbours differs, so that their samples form no lattice together.
     start: [f64; 3],
 }
@@ -24,13 +24,10 @@ const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549
 
 impl CellSampler {
     pub(super) fn new(field: &MeshField, cell: u32) -> Self {
-        let of = field.cell(cell as usize);
         let mut random = ChaCha8Rng::seed_from_u64(u64::from(cell));
         Self {
-            corners: of.corners,
-            values: of.values,
+            cell: field.cell(cell as usize),
             gradients: field.corner_gradients(cell as usize),
-            volume: of.volume(),
             start: [random.random(), random.random(), random.random()],
         }
     }
@@ -42,8 +39,8 @@ impl CellSampler {
         } else {
             folded([0, 1, 2].map(|axis| (self.start[axis] + k as f64 * STEPS[axis]).fract()))
         };
-        let at = self.corners.iter().zip(c).map(|(p, c)| *p * c).sum();
-        let raw = self.values.iter().zip(c).map(|(v, c)| v * c).sum();
+        let at = self.cell.corners.iter().zip(c).map(|(p, c)| *p * c).sum();
+        let raw = self.cell.values.iter().zip(c).map(|(v, c)| v * c).sum();
         let gradient = self.gradients.iter().zip(c).map(|(g, c)| *g * c as f32).sum();
         (at, raw, gradient)
     }
@@ -97,10 +94,9 @@ impl Samples {
     /// A random way from the middle of a sample's part of its tetrahedron: that of a point of the whole one, made smaller.
     pub(super) fn within(&self, field: &MeshField, sample: usize, at: [f64; 3]) -> DVec3 {
         let Some(sample) = self.own.get(sample) else { return DVec3::ZERO };
-        let corners = field.cell(sample.cell as usize).corners;
-        let point: DVec3 = corners.iter().zip(folded(at)).map(|(p, c)| *p * c).sum();
-        let middle = corners.iter().sum::<DVec3>() / 4.0;
-        (point - middle) / f64::from(sample.count).cbrt()
+        let cell = field.cell(sample.cell as usize);
+        let point: DVec3 = cell.corners.iter().zip(folded(at)).map(|(p, c)| *p * c).sum();
+        (point - cell.middle()) / f64::from(sample.count).cbrt()
     }
 }
 
@@ -147,12 +143,9 @@ impl Pieces for SamplePieces<'_> {
     fn extent(&self, piece: &Piece) -> DMat3 {
         let Some(sample) = self.samples.own.get(piece.point as usize) else { return DMat3::ZERO };
         // The covariance of a tetrahedron, made smaller to the sample's part of it.
-        let corners = self.field.cell(sample.cell as usize).corners;
-        let middle = corners.iter().sum::<DVec3>() / 4.0;
-        let sum = corners.iter().fold(DMat3::ZERO, |sum, corner| {
-            let d = *corner - middle;
-            sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
-        });
+        let cell = self.field.cell(sample.cell as usize);
+        let middle = cell.middle();
+        let sum = cell.corners.iter().fold(DMat3::ZERO, |sum, corner| sum + outer(*corner - middle));
         sum * (f64::from(sample.count).powf(-2.0 / 3.0) / 20.0)
     }
 

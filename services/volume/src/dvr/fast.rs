@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 
 use super::stencil::Stencil;
-use super::{Illumination, Lighting, Material, Ray, RayMarcher, Seen};
+use super::{CollectedLight, Illumination, Lighting, Material, Ray, RayMarcher};
 use crate::opacity::correct_opacity;
 
 /// Transmittance at which a ray ends.
@@ -27,7 +27,7 @@ impl<'a> FastMarcher<'a> {
     }
 
     /// Adds the samples of one part of a ray.
-    pub(super) fn march(&self, ray: &Ray, (near, far): (f64, f64), seen: &mut Seen) {
+    pub(super) fn march(&self, ray: &Ray, (near, far): (f64, f64), light: &mut CollectedLight) {
         let step = self.of.step;
         // All samples but the last one stand for a whole step. The last one is in the middle of what is left.
         let whole = ((far - near) / step).ceil().max(1.0) - 1.0;
@@ -36,8 +36,8 @@ impl<'a> FastMarcher<'a> {
         let inverse = stride.recip();
         let (origin, advance) = (first.as_vec3(), stride.as_vec3());
         let to_eye = -ray.direction.as_vec3();
-        let mut color = seen.color;
-        let mut transmittance = seen.transmittance as f32;
+        let mut color = light.color;
+        let mut transmittance = light.transmittance as f32;
         let mut next = 0.0_f64;
         while next < whole {
             let at = first + stride * next;
@@ -54,7 +54,7 @@ impl<'a> FastMarcher<'a> {
                 let alpha = self.sample(place, to_eye, transmittance, &mut color, |alpha| alpha);
                 transmittance *= 1.0 - alpha;
                 if transmittance < LEAST_TRANSMITTANCE {
-                    *seen = Seen { color, transmittance: f64::from(transmittance) };
+                    *light = CollectedLight { color, transmittance: f64::from(transmittance) };
                     return;
                 }
             }
@@ -65,7 +65,7 @@ impl<'a> FastMarcher<'a> {
         let alpha = self.sample(last, to_eye, transmittance, &mut color, |alpha| {
             correct_opacity(f64::from(alpha), rest, step) as f32
         });
-        *seen = Seen { color, transmittance: f64::from(transmittance * (1.0 - alpha)) };
+        *light = CollectedLight { color, transmittance: f64::from(transmittance * (1.0 - alpha)) };
     }
 
     /// Adds one sample and returns its opacity, as `over` changes the one over a whole step.
@@ -97,8 +97,7 @@ impl<'a> FastMarcher<'a> {
                     |per_voxel| self.gradient_to_world * per_voxel,
                 );
                 let raw = self.of.field.offset() + f64::from(value);
-                let material = material.with_surfaceness(self.of.surfaceness.at(raw, gradient.length()));
-                material.shaded(own, -gradient.normalize_or_zero(), to_eye, *light)
+                material.lit(own, gradient, self.of.surfaceness.at(raw, gradient.length()), to_eye, *light)
             }
         };
         *color += transmittance * alpha * shaded;

@@ -37,6 +37,12 @@ pub struct MeshCell {
 }
 
 impl MeshCell {
+    /// The mean of its corners.
+    #[must_use]
+    pub fn middle(&self) -> DVec3 {
+        self.corners.iter().sum::<DVec3>() / 4.0
+    }
+
     /// Its volume in cubic lengths.
     #[must_use]
     pub fn volume(&self) -> f64 {
@@ -62,8 +68,14 @@ impl MeshCell {
     /// The barycentric coordinates of a position.
     #[must_use]
     pub fn coordinates(&self, at: DVec3) -> [f64; 4] {
-        let inner = self.edges().inverse() * (at - self.corners[0]);
-        [1.0 - inner.x - inner.y - inner.z, inner.x, inner.y, inner.z]
+        self.coordinates_by(&self.coordinate_gradients(), at)
+    }
+
+    /// As [`Self::coordinates`], with the gradients of this tetrahedron: they cost an inverse matrix.
+    pub(super) fn coordinates_by(&self, [_, x, y, z]: &[DVec3; 4], at: DVec3) -> [f64; 4] {
+        let from_first = at - self.corners[0];
+        let [x, y, z] = [x, y, z].map(|gradient| gradient.dot(from_first));
+        [1.0 - x - y - z, x, y, z]
     }
 
     fn edges(&self) -> DMat3 {
@@ -78,9 +90,7 @@ impl MeshField {
             MeshValues::Points(values) => (values, true),
             MeshValues::Cells(values) => (values, false),
         };
-        let range = scalars.range();
-        let offset = if scalars.scalar_type().fits_f32() { 0.0 } else { range.low };
-        let stored = scalars.to_f32(offset);
+        let (stored, offset, range) = scalars.narrowed();
         // Points that no cell uses do not count: files may hold millions for another part of the mesh.
         let mut bounds = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
         for point in mesh.cells.iter().flatten().filter_map(|&i| mesh.points.get(i as usize)) {
@@ -253,7 +263,8 @@ impl MeshField {
         };
         for k in 0..self.cells.len() {
             let cell = self.cell(k);
-            let (origin, slopes) = (cell.coordinates(first), cell.coordinate_gradients());
+            let slopes = cell.coordinate_gradients();
+            let origin = cell.coordinates_by(&slopes, first);
             for z in places(&cell.corners, 2) {
                 for y in places(&cell.corners, 1) {
                     for x in places(&cell.corners, 0) {

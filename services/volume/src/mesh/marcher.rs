@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::MeshField;
 use super::field::ends;
 use crate::classifier::Classifier;
-use crate::dvr::{ClipRegion, Image, Lighting, Pinhole, VolumeRenderer, kept_parts};
+use crate::dvr::{ClipRegion, CollectedLight, Image, Lighting, Pinhole, VolumeRenderer, kept_parts};
 use crate::opacity::correct_opacity;
 use crate::surfaceness::Surfaceness;
 
@@ -54,12 +54,6 @@ struct Piece {
     pixel: u16,
 }
 
-/// The light that a ray has collected.
-struct Collected {
-    color: Vec3,
-    transmittance: f64,
-}
-
 impl<'a> MeshMarcher<'a> {
     /// Finds the tetrahedra in which the transfer function shows something. `step` is the sampling distance in units of the reference
     /// length, 1/256 of the diagonal; ½ is a good value.
@@ -90,12 +84,11 @@ impl<'a> MeshMarcher<'a> {
         let view = camera.world_to_camera * DMat4::from_translation(self.field.middle());
         let rays = Rays::new(camera, &view);
         let boxes = self.pixel_boxes(camera, &view);
-        let lists = tile_lists(&boxes, tiles);
+        let lists = Groups::new(boxes.len(), tiles[0] * tiles[1], |place| boxes[place].tiles(tiles[0]));
         let tile = |index: usize| {
             let first = [index % tiles[0] * TILE, index / tiles[0] * TILE];
             let size = [(width - first[0]).min(TILE), (height - first[1]).min(TILE)];
-            let members = lists.members(index);
-            self.tile(&rays, members, &boxes, (first, size), lighting, background, least_transmittance)
+            self.tile(&rays, lists.members(index), &boxes, (first, size), lighting, background, least_transmittance)
         };
         let mut pixels = vec![[0.0; 4]; width * height];
         pixels.par_chunks_mut(TILE * width.max(1)).enumerate().for_each(|(band, rows)| {
@@ -122,7 +115,7 @@ impl<'a> MeshMarcher<'a> {
             .with_min_len(1024)
             .filter_map(|&cell| {
                 let corners = self.field.cells()[cell as usize].map(|point| points[point as usize]);
-                PixelBox::of(&corners, camera, near).map(|pixels| PixelBox { cell, ..pixels })
+                PixelBox::of(cell, &corners, camera, near)
             })
             .collect();
         // Pieces of a ray then come almost sorted.
@@ -134,7 +127,7 @@ impl<'a> MeshMarcher<'a> {
     #[expect(clippy::too_many_arguments, reason = "one call, from the loop over tiles")]
     fn tile(
         &self,
-        rays: &Rays,
+        rays: &Rays<'_>,
         members: &[u32],
         boxes: &[PixelBox],
         (first, size): ([usize; 2], [usize; 2]),
@@ -150,25 +143,20 @@ impl<'a> MeshMarcher<'a> {
             let Some(pixels) = boxes.get(member as usize) else { continue };
             self.cut(pixels, rays.eye, &directions, (first, size), &mut pieces);
         }
-        let (order, starts) = by_pixel(&pieces, count);
+        let by_pixel = Groups::new(pieces.len(), count, |place| std::iter::once(usize::from(pieces[place].pixel)));
+        let eye = rays.eye + self.field.middle();
         let mut own: Vec<Piece> = Vec::new();
         let mut drawn = Vec::with_capacity(count);
-        for (range, direction) in starts.windows(2).zip(&directions) {
-            let places = match range {
-                &[from, to] => order.get(from as usize..to as usize).unwrap_or_default(),
-                _ => &[],
-            };
+        for (pixel, direction) in directions.iter().enumerate() {
             own.clear();
-            own.extend(places.iter().filter_map(|&place| pieces.get(place as usize)));
+            own.extend(by_pixel.members(pixel).iter().map(|&place| pieces[place as usize]));
             own.sort_by(|a, b| a.ends[0].total_cmp(&b.ends[0]));
-            let mut light = Collected { color: Vec3::ZERO, transmittance: 1.0 };
-            let eye = rays.eye + self.field.middle();
+            let kept: Vec<(f64, f64)> = kept_parts(&self.clips, eye, *direction, 0.0, f64::INFINITY).collect();
+            let mut light = CollectedLight::NONE;
             for piece in &own {
-                let [near, far] = piece.ends;
-                if self.clips.is_empty() {
-                    self.add(piece, [near, far], *direction, lighting, &mut light);
-                } else {
-                    for (near, far) in kept_parts(&self.clips, eye, *direction, near, far) {
+                for (begin, end) in &kept {
+                    let (near, far) = (piece.ends[0].max(*begin), piece.ends[1].min(*end));
+                    if near < far {
                         self.add(piece, [near, far], *direction, lighting, &mut light);
                     }
                 }
@@ -176,8 +164,7 @@ impl<'a> MeshMarcher<'a> {
                     break;
                 }
             }
-            let color = light.color + background * light.transmittance as f32;
-            drawn.push([color.x, color.y, color.z, 1.0 - light.transmittance as f32]);
+            drawn.push(light.over(background));
         }
         drawn
     }
@@ -192,7 +179,11 @@ impl<'a> MeshMarcher<'a> {
         pieces: &mut Vec<Piece>,
     ) {
         let cell = self.field.cell(pixels.cell as usize);
-        let (at_eye, slopes) = (cell.coordinates(eye), cell.coordinate_gradients());
+        let slopes = cell.coordinate_gradients();
+        let at_eye = cell.coordinates_by(&slopes, eye);
+        let [low, high] = ends(cell.values);
+        // Rounding must not lead out of the values of the corners.
+        let value = |c: [f64; 4]| c.iter().zip(cell.values).map(|(c, v)| c * v).sum::<f64>().clamp(low, high);
         let covered = |axis: usize| -> Range<usize> {
             let [low, high] = pixels.pixels[axis].map(|pixel| pixel as usize);
             low.saturating_sub(first[axis])..(high + 1).saturating_sub(first[axis]).min(size[axis])
@@ -215,11 +206,6 @@ impl<'a> MeshMarcher<'a> {
                 if near < far && far.is_finite() {
                     let at = |t: f64| [0, 1, 2, 3].map(|i| at_eye[i] + t * along[i]);
                     let [from, to] = [at(near), at(far)];
-                    let value = |c: [f64; 4]| {
-                        let [low, high] = ends(cell.values);
-                        // Rounding must not lead out of the values of the corners.
-                        c.iter().zip(cell.values).map(|(c, v)| c * v).sum::<f64>().clamp(low, high)
-                    };
                     pieces.push(Piece {
                         ends: [near, far],
                         values: [value(from), value(to)],
@@ -233,7 +219,14 @@ impl<'a> MeshMarcher<'a> {
     }
 
     /// Adds the light of a piece between two distances.
-    fn add(&self, piece: &Piece, [near, far]: [f64; 2], direction: DVec3, lighting: Lighting, light: &mut Collected) {
+    fn add(
+        &self,
+        piece: &Piece,
+        [near, far]: [f64; 2],
+        direction: DVec3,
+        lighting: Lighting,
+        light: &mut CollectedLight,
+    ) {
         let length = piece.ends[1] - piece.ends[0];
         let place = |t: f64| ((t - piece.ends[0]) / length).clamp(0.0, 1.0);
         let [v0, v1] = piece.values;
@@ -253,8 +246,7 @@ impl<'a> MeshMarcher<'a> {
                 if opacity > 0.0 {
                     let alpha = correct_opacity(f64::from(opacity), way / samples, self.reference);
                     let shaded = self.shade(color, raw, piece, s as f32, &gradients, direction, lighting);
-                    light.color += (light.transmittance * alpha) as f32 * shaded;
-                    light.transmittance *= 1.0 - alpha;
+                    light.add(alpha, shaded);
                 }
             }
         };
@@ -292,8 +284,8 @@ impl<'a> MeshMarcher<'a> {
         let c = [0, 1, 2].map(|i| a[i] + s * (b[i] - a[i]));
         let first = 1.0 - c[0] - c[1] - c[2];
         let gradient = gradients[0] * first + gradients[1] * c[0] + gradients[2] * c[1] + gradients[3] * c[2];
-        let material = material.with_surfaceness(self.surfaceness.at(raw, gradient.length()));
-        material.shaded(color, -gradient.normalize_or_zero(), -direction.as_vec3(), illumination)
+        let surfaceness = self.surfaceness.at(raw, gradient.length());
+        material.lit(color, gradient, surfaceness, -direction.as_vec3(), illumination)
     }
 }
 
@@ -308,25 +300,21 @@ impl VolumeRenderer for MeshMarcher<'_> {
 }
 
 /// The rays of a picture, from the middle of the mesh.
-struct Rays {
-    eye: DVec3,
+struct Rays<'a> {
+    camera: &'a Pinhole,
     camera_to_mesh: DMat4,
-    focal: [f64; 2],
-    center: [f64; 2],
+    eye: DVec3,
 }
 
-impl Rays {
-    fn new(camera: &Pinhole, view: &DMat4) -> Self {
+impl<'a> Rays<'a> {
+    fn new(camera: &'a Pinhole, view: &DMat4) -> Self {
         let camera_to_mesh = view.inverse();
-        let eye = camera_to_mesh.transform_point3(DVec3::ZERO);
-        Self { eye, camera_to_mesh, focal: camera.focal, center: camera.center }
+        Self { camera, camera_to_mesh, eye: camera_to_mesh.transform_point3(DVec3::ZERO) }
     }
 
     /// The unit direction through the middle of a pixel.
     fn direction(&self, x: usize, y: usize) -> DVec3 {
-        let x = (x as f64 + 0.5 - self.center[0]) / self.focal[0];
-        let y = (y as f64 + 0.5 - self.center[1]) / self.focal[1];
-        self.camera_to_mesh.transform_vector3(DVec3::new(x, y, 1.0)).normalize()
+        self.camera.direction(&self.camera_to_mesh, x, y)
     }
 }
 
@@ -341,7 +329,7 @@ struct PixelBox {
 
 impl PixelBox {
     /// The box of a tetrahedron in the coordinates of the camera, as far as it is before the near plane; `None` outside the picture.
-    fn of(corners: &[DVec3; 4], camera: &Pinhole, near: f64) -> Option<Self> {
+    fn of(cell: u32, corners: &[DVec3; 4], camera: &Pinhole, near: f64) -> Option<Self> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut add = |p: DVec3| {
             for k in 0..2 {
@@ -370,71 +358,42 @@ impl PixelBox {
         };
         let pixels = [range(0, camera.width)?, range(1, camera.height)?];
         let depth = corners.iter().map(|p| p.z).sum::<f64>() / 4.0;
-        Some(Self { pixels, cell: 0, depth })
+        Some(Self { pixels, cell, depth })
     }
 
-    fn tiles(&self) -> [[usize; 2]; 2] {
-        self.pixels.map(|of| of.map(|pixel| pixel as usize / TILE))
+    /// The tiles that it touches, in a picture of `across` tiles side by side.
+    fn tiles(&self, across: usize) -> impl Iterator<Item = usize> {
+        let [[left, right], [top, bottom]] = self.pixels.map(|of| of.map(|pixel| pixel as usize / TILE));
+        (top..=bottom).flat_map(move |y| (left..=right).map(move |x| x + across * y))
     }
 }
 
-/// Tetrahedra by tile: places in the list of boxes, in its order.
-struct TileLists {
+/// Items by group: their places in a list, in its order. An item can be in several groups.
+struct Groups {
     starts: Vec<usize>,
     places: Vec<u32>,
 }
 
-impl TileLists {
-    fn members(&self, tile: usize) -> &[u32] {
-        match (self.starts.get(tile), self.starts.get(tile + 1)) {
-            (Some(&from), Some(&to)) => self.places.get(from..to).unwrap_or_default(),
-            _ => &[],
+impl Groups {
+    /// `groups_of` gives the groups of an item, each below `groups`.
+    fn new<I: Iterator<Item = usize>>(items: usize, groups: usize, groups_of: impl Fn(usize) -> I) -> Self {
+        let mut starts = vec![0_usize; groups + 1];
+        (0..items).flat_map(&groups_of).for_each(|group| starts[group + 1] += 1);
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
         }
-    }
-}
-
-fn tile_lists(boxes: &[PixelBox], tiles: [usize; 2]) -> TileLists {
-    let for_each_tile = |of: &PixelBox, f: &mut dyn FnMut(usize)| {
-        let [[left, right], [top, bottom]] = of.tiles();
-        for y in top..=bottom {
-            for x in left..=right {
-                f(x + tiles[0] * y);
+        let mut next = starts.clone();
+        let mut places = vec![0_u32; starts[groups]];
+        for item in 0..items {
+            for group in groups_of(item) {
+                places[next[group]] = item as u32;
+                next[group] += 1;
             }
         }
-    };
-    let mut starts = vec![0_usize; tiles[0] * tiles[1] + 1];
-    for of in boxes {
-        for_each_tile(of, &mut |tile| starts[tile + 1] += 1);
+        Self { starts, places }
     }
-    for i in 1..starts.len() {
-        starts[i] += starts[i - 1];
-    }
-    let mut next = starts.clone();
-    let mut places = vec![0_u32; starts.last().copied().unwrap_or(0)];
-    for (place, of) in boxes.iter().enumerate() {
-        for_each_tile(of, &mut |tile| {
-            places[next[tile]] = place as u32;
-            next[tile] += 1;
-        });
-    }
-    TileLists { starts, places }
-}
 
-/// Places of the pieces by pixel, in their order, and the start of each pixel among them.
-fn by_pixel(pieces: &[Piece], pixels: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0_u32; pixels + 1];
-    for piece in pieces {
-        starts[usize::from(piece.pixel) + 1] += 1;
+    fn members(&self, group: usize) -> &[u32] {
+        &self.places[self.starts[group]..self.starts[group + 1]]
     }
-    for i in 1..starts.len() {
-        starts[i] += starts[i - 1];
-    }
-    let mut next = starts.clone();
-    let mut order = vec![0_u32; pieces.len()];
-    for (place, piece) in pieces.iter().enumerate() {
-        let at = &mut next[usize::from(piece.pixel)];
-        order[*at as usize] = place as u32;
-        *at += 1;
-    }
-    (order, starts)
 }

@@ -9,6 +9,7 @@ use crate::volume::Volume;
 
 use super::error::ReadError;
 use super::format::VolumeFormat;
+use super::mesh_data::{Quantity, choose};
 use super::source::Source;
 use super::vtk_xml::{self, Array, Attributes, Document, Section};
 
@@ -38,33 +39,24 @@ impl VolumeFormat for VtkImageData {
     }
 }
 
-/// The array to read.
+/// The array to read: one of one component.
 fn active_array<'d>(source: Source<'_>, document: &'d Document) -> Result<&'d Array, ReadError> {
     let of_data = |a: &&Array| matches!(a.section, Section::PointData | Section::CellData);
-    if let Some(name) = source.variable {
-        let named = document.arrays.iter().filter(of_data).find(|a| a.name == name && a.components == 1);
-        return named.ok_or_else(|| {
-            let scalars = document.arrays.iter().filter(of_data).filter(|a| a.components == 1);
-            let names: Vec<&str> = scalars.map(|a| a.name.as_str()).collect();
-            let what = format!("no quantity `{name}` of one component");
-            source.format("PointData", what, format!("give one of {}", names.join(", ")))
-        });
-    }
-    let scalar = |section: Section, active: &Option<String>| {
-        let mut of = document.arrays.iter().filter(|a| a.section == section && a.components == 1);
-        let named = of.clone().find(|a| active.as_deref() == Some(a.name.as_str()));
-        named.or_else(|| of.next())
-    };
-    let of_points = scalar(Section::PointData, &document.point_scalars);
-    let mut scalars = document.arrays.iter().filter(of_data).filter(|a| a.components == 1);
-    let preferred = source.preferred.and_then(|name| scalars.find(|a| a.name == name));
-    preferred.or(of_points).or_else(|| scalar(Section::CellData, &document.cell_scalars)).ok_or_else(|| {
+    let scalars: Vec<&Array> = document.arrays.iter().filter(of_data).filter(|a| a.components == 1).collect();
+    let quantities: Vec<Quantity> = scalars.iter().map(|array| array.quantity()).collect();
+    let none = || {
         source.format(
             "PointData",
             format!("no array of one component among {}", document.arrays.len()),
             "store a scalar array (compute a magnitude or a component first)",
         )
-    })
+    };
+    if quantities.is_empty() {
+        return Err(none());
+    }
+    let active = [document.point_scalars.as_deref(), document.cell_scalars.as_deref()];
+    let choice = choose(source, &quantities, active)?;
+    scalars.get(choice.quantity).copied().ok_or_else(none)
 }
 
 fn grid(source: Source<'_>, document: &Document, of_cells: bool) -> Result<([usize; 3], Grid), ReadError> {

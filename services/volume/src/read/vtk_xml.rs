@@ -17,6 +17,7 @@ use crate::scalars::{ScalarType, Scalars};
 
 use super::decode::{Packing, Voxels, read_text};
 use super::error::{ActualSize, ReadError};
+use super::mesh_data::Quantity;
 use super::source::Source;
 
 const REMEDY: &str = "correct the sizes or the type, or fetch the file again";
@@ -220,6 +221,12 @@ impl Document {
 }
 
 impl Array {
+    /// The quantity that it holds.
+    pub(super) fn quantity(&self) -> Quantity {
+        let of_cells = self.section == Section::CellData;
+        Quantity { name: self.name.clone(), components: self.components, of_cells }
+    }
+
     /// The values of the array, as many as `dims` says.
     pub(super) fn scalars(
         &self,

@@ -86,12 +86,7 @@ impl File<'_> {
             .arrays_of(piece)
             .iter()
             .filter(|a| matches!(a.section, Section::PointData | Section::CellData));
-        let quantity = |a: &vtk_xml::Array| Quantity {
-            name: a.name.clone(),
-            components: a.components,
-            of_cells: a.section == Section::CellData,
-        };
-        of.map(quantity).collect()
+        of.map(vtk_xml::Array::quantity).collect()
     }
 
     /// Numbers of points and of cells of a piece.
