@@ -35,6 +35,13 @@ pub fn decimals(x: f64, most: usize) -> String {
     format!("{sign}{whole}{point}{fraction}")
 }
 
+/// A number with four significant digits. Digits before the point all stay.
+#[must_use]
+pub fn significant(x: f64) -> String {
+    let digits = if x == 0.0 { 0.0 } else { 3.0 - x.abs().log10().floor() };
+    decimals(x, digits.clamp(0.0, 9.0) as usize)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

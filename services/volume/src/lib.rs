@@ -24,6 +24,7 @@
 //! # }
 //! ```
 
+mod adjust;
 pub mod averages;
 pub mod classifier;
 mod classifier_table;
@@ -45,6 +46,7 @@ mod visible_bounds;
 pub mod volume;
 pub mod world_frame;
 
+pub use adjust::AdjustError;
 pub use classifier::{BaseUnitMatch, Classifier};
 pub use dataset::{Dataset, Marcher, ScalarField, ScalarFieldRef};
 pub use field::Field;

@@ -16,13 +16,15 @@ use sg_formats::{Format, SaveOptions, save};
 use sg_proto::bus::Envelope;
 use sg_proto::golden::Line;
 use sg_proto::prost::{Message as _, Name};
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Changes, Color, Command, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit, DuplicateGaussians, Event,
-    MergeUnits, NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select,
-    SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction, SetView,
-    SetVisibility, ShowOnly, Target, TransferFunction, TransformGaussians, Undo, ValueScale, Vector,
+    AdjustTransferFunction, Changes, Color, Command, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit,
+    DuplicateGaussians, Event, MergeUnits, NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians,
+    SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction,
+    SetView, SetVisibility, ShowOnly, Target, TransferFunction, TransformGaussians, Undo, ValueColor, ValueRange,
+    ValueScale, ValueWindow, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -548,6 +550,19 @@ fn some_commands() -> Vec<Command> {
         Action::DuplicateGaussians(DuplicateGaussians { target: selection(), name: String::new() }),
         Action::DuplicateGaussians(DuplicateGaussians { target: on(&["bone"]), name: "twin".to_owned() }),
         Action::SetTransferFunction(SetTransferFunction::default()),
+        Action::AdjustTransferFunction(AdjustTransferFunction {
+            change: Some(Change::Window(ValueWindow {
+                level: Some(500.0),
+                window_factor: Some(2.0),
+                ..ValueWindow::default()
+            })),
+        }),
+        Action::AdjustTransferFunction(AdjustTransferFunction {
+            change: Some(Change::Color(ValueColor {
+                range: Some(ValueRange { low: Some(20.0), high: Some(900.0) }),
+                color: red,
+            })),
+        }),
         Action::SetTransferFunction(SetTransferFunction {
             function: Some(TransferFunction {
                 low: 1.0,

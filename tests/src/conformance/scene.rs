@@ -2,12 +2,13 @@
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Changes, ChangesRequest, Color, Command, CommandResult, ControlPoint, DeleteGaussians, DuplicateGaussians,
-    FilesRequest, MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor,
-    SetLock, SetOpacity, SetTone, SetTransferFunction, State, Target, TransferFunction, TransformGaussians, Undo,
-    ValueScale, Vector,
+    AdjustTransferFunction, Changes, ChangesRequest, Color, Command, CommandResult, ControlPoint, DeleteGaussians,
+    DuplicateGaussians, FilesRequest, MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select,
+    SetBackground, SetColor, SetLock, SetOpacity, SetTone, SetTransferFunction, State, Target, TransferFunction,
+    TransformGaussians, Undo, ValueRange, ValueScale, Vector,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -232,6 +233,14 @@ async fn transfer_functions(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(shown(stage).await? == set.function, || "the scene has another function than the one it took".to_owned())?;
     stage.kill_and_serve().await?;
     hold(shown(stage).await? == set.function, || "the function is lost in a restart".to_owned())?;
+    let change = Some(Change::Hide(ValueRange { low: None, high: Some(150.0) }));
+    stage.change(Action::AdjustTransferFunction(AdjustTransferFunction { change })).await?;
+    hold(shown(stage).await? != set.function, || "hiding values left the function as it was".to_owned())?;
+    let change = Some(Change::Hide(ValueRange { low: Some(1e9), high: None }));
+    let id = stage.new_id();
+    let beyond = Action::AdjustTransferFunction(AdjustTransferFunction { change });
+    let beyond = Command { id: id.clone(), expected_revision: 0, action: Some(beyond) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &beyond), &id).await, &[Code::OutOfRange])?;
     let mut unordered = set.clone();
     unordered.function.iter_mut().for_each(|f| f.points.reverse());
     unordered.function.iter_mut().flat_map(|f| f.points.first_mut()).for_each(|p| p.value += 1.0);
@@ -243,7 +252,7 @@ async fn transfer_functions(stage: &mut Stage<'_>) -> Result<(), String> {
     let id = stage.new_id();
     let locked = Command { id: id.clone(), expected_revision: 0, action: Some(Action::SetTransferFunction(set)) };
     refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &locked), &id).await, &[Code::FailedPrecondition])?;
-    stage.change(Action::Undo(Undo { steps: 2 })).await?;
+    stage.change(Action::Undo(Undo { steps: 3 })).await?;
     hold(shown(stage).await? == before, || "undo left another function".to_owned())
 }
 

@@ -339,7 +339,7 @@ const MAP: [(&str, &str, &[&str]); 29] = [
     (
         "services/scene/service",
         "supergaussian-scene",
-        &["sg-edit", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-scene"],
+        &["sg-edit", "sg-formats", "sg-input", "sg-proto", "sg-reclassify", "sg-runtime", "sg-scene"],
     ),
     ("services/volume", "sg-volume", &["sg-input"]),
     ("services/fit", "sg-fit", &["sg-formats", "sg-gpu", "sg-raster", "sg-reclassify", "sg-scene", "sg-volume"]),

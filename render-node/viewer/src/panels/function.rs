@@ -29,20 +29,6 @@ fn set(function: Option<&TransferFunction>) -> Action {
     Action::SetTransferFunction(SetTransferFunction { function: function.map(encode_transfer_function) })
 }
 
-/// The function with its points shifted and spread: the window and level of a radiologist. The middle of the points is the level, and
-/// from the first to the last is the window.
-fn windowed(function: &TransferFunction, level: f64, window: f64) -> TransferFunction {
-    let (before, width) = level_and_window(function);
-    let factor = if width > 0.0 { window / width } else { 1.0 };
-    let moved = |point: &ControlPoint| ControlPoint { value: level + (point.value - before) * factor, ..*point };
-    TransferFunction { points: function.points.iter().map(moved).collect(), ..function.clone() }
-}
-
-fn level_and_window(function: &TransferFunction) -> (f64, f64) {
-    let ends = [function.points.first(), function.points.last()].map(|point| point.map_or(0.0, |point| point.value));
-    (0.5 * (ends[0] + ends[1]), ends[1] - ends[0])
-}
-
 /// The function with one point at another place. It stays between its neighbours.
 fn with_point(function: &TransferFunction, at: usize, value: f64, opacity: f64) -> TransferFunction {
     let mut moved = function.clone();
@@ -72,12 +58,13 @@ impl Panels {
         let mut changed = self.function_plot(ui, &volume, function, &curve, output);
         ui.label(RichText::new("Drag a point, double-click for a new one.").weak());
         let [low, high] = function.domain;
-        let (mut level, mut window) = level_and_window(function);
+        let (mut level, mut window) = function.level_and_window();
         let slider = |name, range| Number { name, range, logarithmic: false, text: number };
         let moved = slider("level", low..=high).show(ui, &mut level);
         // A window of 0 would put all points in one place for good.
         if moved | slider("window", 1e-3 * (high - low)..=high - low).show(ui, &mut window) {
-            changed = Some(windowed(function, level, window));
+            // On a logarithmic scale a window that reaches 0 is refused: the sliders stay.
+            changed = function.windowed(level, window).ok();
         }
         changed = self.control_point(ui, function, self.function.chosen, output).or(changed);
         ui.horizontal_wrapped(|ui| {
@@ -257,17 +244,6 @@ mod tests {
 
     fn values(function: &TransferFunction) -> Vec<f64> {
         function.points.iter().map(|point| point.value).collect()
-    }
-
-    #[test]
-    fn window_and_level_move_all_points() {
-        assert_eq!(level_and_window(&ramp()), (40.0, 40.0));
-        let wide = windowed(&ramp(), 50.0, 80.0);
-        assert_eq!(values(&wide), [10.0, 50.0, 90.0]);
-        assert_eq!(level_and_window(&wide), (50.0, 80.0));
-        // A jump has a level alone.
-        let jump = windowed(&ramp(), 50.0, 0.0);
-        assert_eq!(values(&windowed(&jump, 30.0, 10.0)), [30.0; 3]);
     }
 
     #[test]

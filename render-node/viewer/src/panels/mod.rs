@@ -94,7 +94,7 @@ impl Panels {
     /// the scene's source, and `scene` is as its file has it.
     /// Returns the read errors, a line each.
     pub fn behind(&mut self, scene: &Scene, path: &Path) -> Vec<String> {
-        let (functions, problems) = transfer::functions(scene, path);
+        let (functions, problems) = sg_reclassify::functions(scene, path);
         self.volume = VolumeValues::of(scene, &functions);
         self.functions = functions;
         problems

@@ -1,13 +1,10 @@
 //! The transfer function behind a base unit, as a small plot.
 
-use std::path::Path;
-
 use egui::epaint::{Mesh, Vertex, WHITE_UV};
 use egui::{
     Align2, Color32, Painter, Pos2, Rect, Role, Sense, Shape, Stroke, TextStyle, Ui, Vec2, WidgetInfo, pos2, vec2,
 };
 use glam::Vec3;
-use sg_scene::model::Scene;
 use sg_volume::scalars::ValueRange;
 use sg_volume::transfer::{Scale, TransferFunction};
 
@@ -169,25 +166,4 @@ fn unscaled(scale: Scale, x: f64) -> f64 {
 pub(crate) fn to_color32(rgb: Vec3) -> Color32 {
     let [r, g, b] = (255.0 * rgb.clamp(Vec3::ZERO, Vec3::ONE)).round().to_array().map(|x| x as u8);
     Color32::from_rgb(r, g, b)
-}
-
-/// The transfer functions behind a scene's base units, in scene order, `None` for units without one. Also returns the read
-/// errors, a line each. `path` is the scene's source.
-#[must_use]
-pub fn functions(scene: &Scene, path: &Path) -> (Vec<Option<TransferFunction>>, Vec<String>) {
-    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
-    let mut problems = Vec::new();
-    let mut function = |unit: &sg_scene::model::BaseUnit| {
-        let file = folder.join(unit.transfer_function.as_ref()?);
-        match TransferFunction::load(&file) {
-            Ok(loaded) => Some(loaded.function),
-            Err(error) => {
-                let problem = format!("no transfer function is shown for {}: {error}", unit.name);
-                problems.push(problem);
-                None
-            }
-        }
-    };
-    let functions = scene.units.iter().map(&mut function).collect();
-    (functions, problems)
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use sg_reclassify::sources;
+use sg_reclassify::{VolumeOfScene, sources};
 use sg_scene::model::Scene;
 use sg_volume::TransferFunction;
 use sg_volume::transfer::{Scale, Units};
@@ -15,7 +15,7 @@ pub(super) const BARS: usize = 96;
 /// The volume behind a scene: the transfer function of its file, and the values of its Gaussians.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct VolumeValues {
-    pub(super) file: TransferFunction,
+    pub(super) file: Arc<TransferFunction>,
     /// Least and greatest value of the volume, raw.
     range: [f64; 2],
     /// Mean values of some Gaussians, raw.
@@ -45,15 +45,11 @@ pub(super) struct FunctionState {
 impl VolumeValues {
     /// Those of the first base unit with values. `functions` has the transfer function of each unit.
     pub(super) fn of(scene: &Scene, functions: &[Option<TransferFunction>]) -> Option<Arc<Self>> {
-        let mut units = scene.units.iter().zip(functions);
-        let (unit, file) = units.find_map(|(unit, file)| {
-            Some(unit).zip(file.as_ref().filter(|_| sources::keeps_values(&unit.gaussians)))
-        })?;
+        let VolumeOfScene { function, range } = VolumeOfScene::of(scene, functions)?;
         let every = scene.len().div_ceil(SAMPLES).max(1);
         let all = scene.units.iter().filter_map(|unit| sources::values(&unit.gaussians)).flatten();
         let values: Vec<f64> = all.filter(|x| x.is_finite()).step_by(every).collect();
-        let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| [l.min(*x), h.max(*x)]);
-        Some(Arc::new(Self { file: file.clone(), range: unit.values.unwrap_or(ends), values }))
+        Some(Arc::new(Self { file: function?, range, values }))
     }
 
     /// Values in the units of a function.

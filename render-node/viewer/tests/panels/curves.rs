@@ -1,6 +1,7 @@
 //! The transfer functions behind base units.
 
-use sg_viewer::panels::transfer::{Curve, functions};
+use sg_reclassify::functions;
+use sg_viewer::panels::transfer::Curve;
 use sg_volume::transfer::{BaseUnitRange, ControlPoint, Scale, TransferFunction, Units};
 
 use crate::stage::scene;

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// Largest prompt with its schema, bytes.
-pub const MAX_PROMPT_BYTES: usize = 64 << 10;
+pub const MAX_PROMPT_BYTES: usize = 72 << 10;
 
 /// Largest answer, bytes.
 pub const MAX_ANSWER_BYTES: usize = 64 << 10;

@@ -1,5 +1,6 @@
 //! Answers to questions about the scene and its picture.
 
+use sg_input::number_format::significant;
 use sg_proto::render::Frame;
 use sg_proto::scene::{Color, LightMode, Mask, Measure, ShadingTerm, State, Target};
 
@@ -223,6 +224,10 @@ pub fn scene(state: &State, frame: Option<&Frame>) -> String {
     let existing = grouped(existing(state));
     let mut parts = vec![format!("The scene has {existing} Gaussians.{deleted} {}", list(state, frame))];
     parts.push(selection(state));
+    if let Some(volume) = &state.volume {
+        let (least, greatest) = (significant(volume.least), significant(volume.greatest));
+        parts.push(format!("Its volume has values from {least} to {greatest}."));
+    }
     if let Some(light) = &state.light {
         let from = match light.mode() {
             LightMode::Direction => "from a fixed direction",

@@ -13,7 +13,7 @@ use sg_proto::scene::{
 use sg_proto::selection::StrokesReply;
 
 use crate::color;
-use crate::commands::{movement, tone};
+use crate::commands::{movement, tone, transfer_function};
 use crate::query;
 use crate::text::{capital, factor, grouped, is_plural, join, percent, target, the};
 
@@ -105,6 +105,7 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         Action::MergeUnits(_) => format!("{} Ctrl+Z takes it back.", sentence(&result.summary)),
         Action::SetTone(set) => tone::report(set, before),
         Action::SetTransferFunction(_) => sentence(&result.summary),
+        Action::AdjustTransferFunction(adjust) => transfer_function::report(clause, adjust, &result.summary),
         Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
     }
 }

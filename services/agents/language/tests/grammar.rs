@@ -8,9 +8,10 @@ use sg_language::commands;
 use sg_language::grammar::{self, UtteranceError};
 use sg_proto::language::movement::Kind;
 use sg_proto::language::{Act, Clause, Observation, Reference};
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::{
-    Axis, BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit, Vector,
-    View, set_view,
+    Axis, BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit,
+    ValueColor, ValueRange, ValueScale, Vector, View, set_view,
 };
 
 #[derive(Deserialize)]
@@ -131,6 +132,43 @@ fn view(clause: &Clause) -> String {
     }
 }
 
+/// A change of the transfer function.
+fn adjusted(clause: &Clause) -> String {
+    let ends = |range: &ValueRange| {
+        let end = |end: Option<f64>| end.map_or_else(String::new, number);
+        format!("{}..{}", end(range.low), end(range.high))
+    };
+    match clause.values.as_ref().unwrap().change.as_ref().unwrap() {
+        Change::Window(window) => {
+            let mut text = format!("window {}", clause.name).trim_end().to_owned();
+            for (name, value) in
+                [("level =", window.level), ("window =", window.window), ("window x", window.window_factor)]
+            {
+                text += &value.map_or_else(String::new, |value| format!(" {name} {}", number(value)));
+            }
+            for (name, value) in [
+                ("level +", window.level_change),
+                ("level + share", window.level_shift),
+                ("window +", window.window_change),
+            ] {
+                if value != 0.0 {
+                    text += &format!(" {name} {}", number(value));
+                }
+            }
+            text
+        }
+        Change::ShowOnly(range) => format!("values only {}", ends(range)),
+        Change::Hide(range) => format!("values hide {}", ends(range)),
+        Change::Color(ValueColor { range, color }) => {
+            format!("values {} {}", ends(&range.unwrap()), hex(color.as_ref().unwrap()))
+        }
+        Change::Scale(scale) => {
+            let name = ValueScale::try_from(*scale).unwrap().as_str_name();
+            format!("values {}", name.trim_start_matches("VALUE_SCALE_").to_lowercase())
+        }
+    }
+}
+
 /// Verb and rest of a movement; `?` for a number that was not said.
 fn moved(kind: &Kind) -> (&'static str, String) {
     let said = |value: Option<f64>| value.map_or("?".to_owned(), number);
@@ -198,6 +236,7 @@ fn short(clause: &Clause) -> String {
             let kind = clause.movement.as_ref().unwrap().kind.as_ref().unwrap();
             format!("{} {about}{}", moved(kind).0, moved(kind).1)
         }
+        Act::AdjustTransferFunction => adjusted(clause),
         Act::Merge => format!("merge {about} -> {}", clause.name),
         Act::Duplicate => format!("duplicate {about} -> {}", clause.name),
         Act::SetTone => {

@@ -12,10 +12,13 @@ use sg_proto::language::{Act, Clause, Movement, PutBack, Reference, Rotation, Sc
 use sg_proto::launch::save_request::Content;
 use sg_proto::launch::{GaussianChoice, GaussianPart};
 use sg_proto::render::{Frame, UnitCoverage};
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    Axis, BaseUnit, Color, DuplicateGaussians, MergeUnits, PatientSide, RenameUnit, Selection, SetLight, SetOperation,
-    SetTone, SetView, State, Target, TransformGaussians, Unit, Vector, View, set_view,
+    AdjustTransferFunction, Axis, BaseUnit, Color, CommandResult, DuplicateGaussians, MergeUnits, PatientSide,
+    RenameUnit, Selection, SetLight, SetOperation, SetTone, SetTransferFunction, SetView, State, Target,
+    TransferFunction, TransformGaussians, Unit, ValueColor, ValueRange, ValueScale, ValueWindow, Vector, View, Volume,
+    set_view,
 };
 use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesReply, StrokesRequest};
 
@@ -522,6 +525,67 @@ fn a_tone_out_of_range_is_told_with_its_range() {
             .contains("-1 (blue)")
     );
     assert!(refusal(&tone(SetTone::default()), &scene()).message.contains("has no saturation"));
+}
+
+/// A volume with values from `least` to `greatest` behind the scene, and a function of them.
+fn volume(least: f64, greatest: f64) -> State {
+    let function = TransferFunction { low: least, high: greatest, ..TransferFunction::default() };
+    State { volume: Some(Volume { function: Some(function), least, greatest }), ..scene() }
+}
+
+#[test]
+fn named_windows_are_for_hounsfield_units() {
+    let change = |change| Clause {
+        values: Some(AdjustTransferFunction { change: Some(change) }),
+        ..Clause { act: Act::AdjustTransferFunction.into(), ..Clause::default() }
+    };
+    let said = ValueWindow { level: Some(1.0), window: Some(2.0), ..ValueWindow::default() };
+    let bone = Clause { name: "bone window".to_owned(), ..change(Change::Window(said)) };
+    let window = ValueWindow { level: Some(400.0), window: Some(1800.0), ..ValueWindow::default() };
+    let set = AdjustTransferFunction { change: Some(Change::Window(window)) };
+    assert_eq!(action(&bone, &volume(-1024.0, 3071.0)), Action::AdjustTransferFunction(set));
+    let result = CommandResult { summary: "level 400, window 1,800".to_owned(), ..CommandResult::default() };
+    let reply = report::action(&bone, &Action::AdjustTransferFunction(set), &scene(), &result);
+    assert_eq!(reply, "Bone window: level 400, window 1,800.");
+    let bytes = refusal(&bone, &volume(0.0, 255.0)).message;
+    assert!(bytes.contains("Hounsfield units") && bytes.contains("from 0 to 255"), "{bytes}");
+    assert!(refusal(&bone, &scene()).message.contains("keeps no values of a volume"));
+    // Numbers are taken as they are.
+    let plain = change(Change::Window(said));
+    assert_eq!(action(&plain, &volume(0.0, 255.0)), Action::AdjustTransferFunction(plain.values.unwrap()));
+
+    // Values at or below 0 have the logarithm that takes them.
+    let scale = |state: &State| match action(&change(Change::Scale(ValueScale::Log10.into())), state) {
+        Action::AdjustTransferFunction(AdjustTransferFunction { change: Some(Change::Scale(scale)) }) => scale,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(scale(&volume(1.0, 255.0)), i32::from(ValueScale::Log10));
+    assert_eq!(scale(&volume(0.0, 255.0)), i32::from(ValueScale::Symlog));
+
+    let reset = Clause { act: Act::ResetTransferFunction.into(), ..Clause::default() };
+    assert_eq!(action(&reset, &volume(0.0, 1.0)), Action::SetTransferFunction(SetTransferFunction { function: None }));
+    assert!(refusal(&reset, &scene()).message.contains("keeps no values"));
+    let described = sg_language::query::scene(&volume(-1024.0, 3071.0), None);
+    assert!(described.contains("values from -1,024 to 3,071"), "{described}");
+    assert!(refusal(&Clause { values: None, ..plain }, &volume(0.0, 1.0)).message.contains("has no change"));
+}
+
+#[test]
+fn a_changed_transfer_function_is_told_in_a_sentence() {
+    let result = CommandResult::default();
+    let told = |change, color_name: &str| {
+        let adjust = AdjustTransferFunction { change: Some(change) };
+        let clause = Clause { color_name: color_name.to_owned(), values: Some(adjust), ..Clause::default() };
+        report::action(&clause, &Action::AdjustTransferFunction(adjust), &scene(), &result)
+    };
+    let range = |low, high| ValueRange { low, high };
+    assert_eq!(told(Change::ShowOnly(range(Some(1200.0), None)), ""), "Only values above 1,200 are shown now.");
+    assert_eq!(told(Change::Hide(range(None, Some(-0.25))), ""), "Values below -0.25 are hidden now.");
+    let blue = Some(Color { red: 0.0, green: 0.0, blue: 1.0 });
+    let color = Change::Color(ValueColor { range: Some(range(Some(1.0), Some(2.0))), color: blue });
+    assert_eq!(told(color, "Sea Blue"), "Values from 1 to 2 are now sea blue.");
+    assert_eq!(told(color, ""), "Values from 1 to 2 are now blue.");
+    assert!(told(Change::Scale(ValueScale::Symlog.into()), "").contains("linear around 0"));
 }
 
 #[test]

@@ -225,6 +225,7 @@ impl Editor {
             Action::SetTone(a) => transaction.set_tone(a)?,
             Action::DuplicateGaussians(a) => transaction.duplicate_gaussians(a)?,
             Action::SetTransferFunction(a) => transaction.set_transfer_function(a)?,
+            Action::AdjustTransferFunction(a) => transaction.adjust_transfer_function(a)?,
             Action::Reset(_) => transaction.reset(),
             // Carried out on the history by the caller.
             Action::Undo(_) | Action::Redo(_) => String::new(),

@@ -4,6 +4,7 @@ use sg_proto::bus::Code;
 use sg_reclassify::ReclassifyError;
 
 use sg_scene::view::ViewError;
+use sg_volume::AdjustError;
 
 /// A command that does not fit the scene or makes no sense.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -110,6 +111,12 @@ pub enum EditError {
     /// The scene cannot have another transfer function.
     #[error(transparent)]
     Reclassify(#[from] ReclassifyError),
+    /// The present transfer function cannot be changed like this.
+    #[error(transparent)]
+    Adjust(#[from] AdjustError),
+    /// There is no transfer function to change.
+    #[error("the transfer function of the scene's file is unknown; set one first")]
+    NoFunction,
     /// A limit on a number of things is reached.
     #[error("there would be more than {limit} {what}; {remedy}")]
     TooMany {
@@ -151,10 +158,11 @@ impl EditError {
             | Self::NothingToRedo
             | Self::RevisionConflict { .. }
             | Self::SelectionConflict { .. }
+            | Self::NoFunction
             | Self::Reclassify(_) => Code::FailedPrecondition,
-            Self::OutOfRange { .. } | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => {
-                Code::OutOfRange
-            }
+            Self::OutOfRange { .. }
+            | Self::Adjust(_)
+            | Self::View(ViewError::Distance(_) | ViewError::FieldOfView(_)) => Code::OutOfRange,
             Self::Ambiguous { .. }
             | Self::NoTarget
             | Self::NotFinite { .. }

@@ -8,6 +8,7 @@ use glam::Vec3;
 use sg_proto::prost::Message as _;
 use sg_proto::scene::SelectionStep;
 
+use sg_reclassify::VolumeOfScene;
 use sg_scene::appearance::{Appearance, BaseAppearance, PixelFilter, ShadingTerm, UnitAppearance};
 use sg_scene::camera::Light;
 use sg_scene::framing::initial_view;
@@ -154,6 +155,8 @@ pub struct Geometry {
     pub count: usize,
     /// The stored box that strokes are normalized by.
     pub bounds: SceneBox,
+    /// The volume behind it, where the Gaussians keep its values.
+    pub volume: Option<VolumeOfScene>,
 }
 
 /// Everything that edits change, at one revision.
@@ -202,7 +205,8 @@ impl EditState {
             tone: Tone::NEUTRAL,
             duplicated: false,
         });
-        let geometry = Geometry { path: path.into(), hash: hash.into(), count: scene.len(), bounds: scene.bounds };
+        let (count, bounds) = (scene.len(), scene.bounds);
+        let geometry = Geometry { path: path.into(), hash: hash.into(), count, bounds, volume: None };
         Self {
             revision: 0,
             base: base.collect(),
@@ -226,6 +230,13 @@ impl EditState {
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
+    }
+
+    /// The same state with the volume behind the scene's file.
+    #[must_use]
+    pub fn with_volume(mut self, volume: Option<VolumeOfScene>) -> Self {
+        self.geometry = Arc::new(Geometry { volume, ..Geometry::clone(&self.geometry) });
+        self
     }
 
     /// The same state over the geometry of another. The files of that geometry may have moved since.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sg_input::number_format::decimals;
+use sg_input::number_format::{decimals, significant};
 use sg_proto::scene::{PatientSide, TransformGaussians, Vector};
 use sg_scene::mask::Mask;
 use sg_scene::orientation::{Axis, LengthUnit};
@@ -236,10 +236,4 @@ impl Transaction<'_> {
         let want = "a way that ends within a million lengths of the scene";
         Err(EditError::OutOfRange { field: "transform_gaussians.shift", found: far, want })
     }
-}
-
-/// A number with four significant digits, for a person.
-pub(super) fn significant(x: f64) -> String {
-    let digits = if x == 0.0 { 0.0 } else { 3.0 - x.abs().log10().floor() };
-    decimals(x, digits.clamp(0.0, 9.0) as usize)
 }

@@ -14,7 +14,9 @@ use sg_proto::scene::selection_step::Step;
 
 use self::duplicate_message::{check_duplicates, decode_duplicates, encode_duplicates};
 use self::placement_message::{decode_placements, encode_placements};
+pub(crate) use self::transfer_function_message::decode_scale;
 pub use self::transfer_function_message::{decode_transfer_function, encode_transfer_function};
+use self::transfer_function_message::{decode_volume, encode_volume};
 use self::unit_message::{decode_base, decode_unit, encode_base, encode_unit};
 use super::change::Change;
 use super::state::{EditState, Geometry, Selection};
@@ -427,6 +429,7 @@ impl EditState {
             placements: (with_masks && !self.placements.is_empty()).then(|| encode_placements(&self.placements)),
             duplicates: (with_masks && !self.duplicates.is_empty()).then(|| encode_duplicates(&self.duplicates)),
             transfer_function: self.transfer_function.as_deref().map(encode_transfer_function),
+            volume: self.geometry.volume.as_ref().map(encode_volume),
             // Only the owner has it.
             project_path: String::new(),
         }
@@ -449,6 +452,7 @@ impl EditState {
             hash: state.scene_hash.clone(),
             count: duplicates.first().map_or(expected, |first| first.originals().len()),
             bounds: SceneBox { min: corner(&bounds.min)?, max: corner(&bounds.max)? },
+            volume: state.volume.as_ref().map(decode_volume).transpose()?,
         };
         let units = state.units.iter().map(|u| Ok((u.id, decode_unit(u)?)));
         let selection = state.selection.as_ref().ok_or(WireError::Missing("state.selection"))?;

@@ -8,5 +8,7 @@
 pub mod optical_depth;
 mod reclassify;
 pub mod sources;
+mod volume_of_scene;
 
 pub use reclassify::{ReclassifyError, check_scene, reclassify, reclassify_scene};
+pub use volume_of_scene::{VolumeOfScene, functions};

@@ -10,6 +10,7 @@ use sg_proto::scene::{Changes, ChangesRequest, Command, CommandResult, Event};
 
 use crate::journal::{Journal, JournalError};
 use sg_edit::{EditError, EditState, Editor, check_id};
+use sg_reclassify::VolumeOfScene;
 use sg_scene::model::Scene;
 
 /// Most events of one answer; a reader that is further behind gets a snapshot.
@@ -71,7 +72,9 @@ impl Project {
     /// [`JournalError`]; a file that is there is left as it is.
     pub fn open(path: &Path, scene: Arc<Scene>, scene_path: &str) -> Result<Self, JournalError> {
         let hash = scene.content_hash().to_hex().to_string();
-        let opened = EditState::of_scene(&scene, scene_path, hash);
+        // Without a readable function the scene is edited all the same; the command that needs it says so.
+        let volume = VolumeOfScene::of(&scene, &sg_reclassify::functions(&scene, Path::new(scene_path)).0);
+        let opened = EditState::of_scene(&scene, scene_path, hash).with_volume(volume);
         let (journal, editor) = Journal::open(path, scene, opened)?;
         Ok(Self { editor, journal })
     }

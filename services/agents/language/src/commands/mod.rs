@@ -25,6 +25,7 @@ mod set_view;
 mod shading;
 pub(crate) mod table;
 pub(crate) mod tone;
+pub(crate) mod transfer_function;
 mod verbs;
 mod viewpoint;
 mod visibility;

@@ -8,7 +8,8 @@ use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
     answers, background, color, delete, duplicate, files, frame, help as help_command, history, light, lock, merge,
-    movement, naming, opacity, orbit, question, selection, shading, tone, viewpoint, visibility, zoom,
+    movement, naming, opacity, orbit, question, selection, shading, tone, transfer_function, viewpoint, visibility,
+    zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -18,11 +19,16 @@ pub(crate) const TABLE: &[Command] = &[
     opacity::SET_OPACITY,
     // Before "only …": "only this part" is about the strokes.
     answers::TAKE_ANSWER,
+    // Before targets: "everything above 200" is no unit.
+    transfer_function::VALUES,
     visibility::SHOW_ONLY,
     visibility::SHOW,
     visibility::HIDE,
     light::SET_LIGHT,
     tone::SET_TONE,
+    transfer_function::WINDOW,
+    transfer_function::SCALE,
+    transfer_function::RESET_TRANSFER_FUNCTION,
     background::SET_BACKGROUND,
     viewpoint::VIEWPOINT,
     frame::FRAME,

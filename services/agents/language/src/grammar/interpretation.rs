@@ -13,7 +13,7 @@ use super::{Reader, UtteranceError, follow_up, rewording, self_correction, spell
 const MAX_REPAIRED_TOKENS: usize = 40;
 
 /// Acts that a repaired spelling may mean at once: a look tells their effect, and one undo takes it back.
-const SAFE: [Act; 20] = [
+const SAFE: [Act; 22] = [
     Act::SetColor,
     Act::SetOpacity,
     Act::Show,
@@ -28,6 +28,8 @@ const SAFE: [Act; 20] = [
     Act::TakeAnswer,
     Act::Transform,
     Act::SetTone,
+    Act::AdjustTransferFunction,
+    Act::ResetTransferFunction,
     Act::Lock,
     Act::List,
     Act::QuerySelection,

@@ -54,12 +54,19 @@ pub(super) const BOUNDS: &[(&str, Bound)] = &[
     ("scene.v1.SetTone.saturation", Bound::Number(0.0, 4.0)),
     ("scene.v1.SetTone.brightness", Bound::Number(0.0, 4.0)),
     ("scene.v1.SetTone.temperature", Bound::Number(-1.0, 1.0)),
+    ("scene.v1.ValueWindow.level", Bound::Number(-1e9, 1e9)),
+    ("scene.v1.ValueWindow.window", Bound::Number(0.0, 1e9)),
+    ("scene.v1.ValueWindow.level_change", Bound::Number(-1e9, 1e9)),
+    ("scene.v1.ValueWindow.window_factor", Bound::Number(0.01, 100.0)),
+    ("scene.v1.ValueRange.low", Bound::Number(-1e9, 1e9)),
+    ("scene.v1.ValueRange.high", Bound::Number(-1e9, 1e9)),
     ("language.v1.Shift.distance", Bound::Number(0.0, 1e6)),
     ("language.v1.Rotation.degrees", Bound::Number(-3600.0, 3600.0)),
     ("language.v1.Scale.factor", Bound::Number(0.001, 1000.0)),
 ];
 
-/// Fields that are not part of the schema: exact viewpoints, and the target of a view, which is in the clause.
+/// Fields that are not part of the schema: exact viewpoints, the target of a view, which is in the clause, and steps of a window that
+/// other fields can say.
 pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.suggestions",
     "language.v1.Intent.backend",
@@ -69,6 +76,8 @@ pub(super) const EXCLUDED: &[&str] = &[
     "scene.v1.SetView.view",
     "scene.v1.SetView.up",
     "scene.v1.SetTone.target",
+    "scene.v1.ValueWindow.level_shift",
+    "scene.v1.ValueWindow.window_change",
     "scene.v1.Target.units",
     "scene.v1.Target.selection",
     "scene.v1.Target.everything",

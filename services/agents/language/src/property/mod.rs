@@ -6,3 +6,4 @@ pub(crate) mod opacity;
 pub(crate) mod size;
 pub(crate) mod tone;
 pub(crate) mod value;
+pub(crate) mod values;

@@ -22,11 +22,14 @@ use sg_proto::scene::{
 
 use super::wire::encode_mask;
 use super::{Applied, EditError, EditState, Editor};
+use sg_reclassify::VolumeOfScene;
 use sg_reclassify::sources::{Source, store};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 use sg_scene::tone::Tone;
+use sg_volume::TransferFunction;
+use sg_volume::transfer::{ControlPoint, Scale, Units};
 
 /// Base units `bone` (0..20), `skin` (20..35) and `Vessel` (35..60).
 pub(crate) fn editor() -> Editor {
@@ -48,8 +51,22 @@ fn volume_of(units: &[(&str, usize)]) -> Arc<Scene> {
 /// As [`editor`], where `bone` keeps values of a volume.
 fn volume_editor() -> Editor {
     let scene = volume_of(&[("bone", 20), ("skin", 15), ("Vessel", 25)]);
-    let state = EditState::of_scene(&scene, "scene.toml", "hash");
+    let state = EditState::of_scene(&scene, "scene.toml", "hash").with_volume(Some(volume()));
     Editor::new(scene, state)
+}
+
+/// The volume of [`volume_of`]: a ramp over its values.
+fn volume() -> VolumeOfScene {
+    let point = |value: f64, opacity| ControlPoint { value, color: [0.5; 3], opacity };
+    let function = TransferFunction {
+        domain: [0.0, 2000.0],
+        units: Units::Raw,
+        scale: Scale::Linear,
+        variable: None,
+        points: vec![point(200.0, 0.0), point(1000.0, 0.8)],
+        base_units: Vec::new(),
+    };
+    VolumeOfScene { function: Some(Arc::new(function)), range: [0.0, 2000.0] }
 }
 
 pub(crate) fn command(action: Action) -> Command {

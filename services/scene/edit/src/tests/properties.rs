@@ -3,10 +3,12 @@
 use proptest::prelude::*;
 use prost::Message as _;
 use sg_proto::replica::Replica as _;
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    ControlPoint, Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select, SetBackground, SetLight,
-    SetTerm, SetTone, SetTransferFunction, SetView, TransferFunction, Undo,
+    AdjustTransferFunction, ControlPoint, Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select,
+    SetBackground, SetLight, SetTerm, SetTone, SetTransferFunction, SetView, TransferFunction, Undo, ValueColor,
+    ValueRange, ValueWindow,
 };
 
 use sg_scene::similarity::Similarity;
@@ -68,6 +70,7 @@ fn action() -> impl Strategy<Value = Action> {
         1 => (0..7_i32).prop_map(|term| Action::SetTerm(SetTerm { term })),
         2 => prop::option::weighted(0.8, function())
             .prop_map(|function| Action::SetTransferFunction(SetTransferFunction { function })),
+        2 => adjustment().prop_map(|change| Action::AdjustTransferFunction(AdjustTransferFunction { change })),
         1 => some_color().prop_map(|c| Action::SetBackground(SetBackground { color: Some(c) })),
         1 => (prop::option::of(-1.0..3.0_f32), any::<bool>())
             .prop_map(|(ambient, relative)| Action::SetLight(SetLight { ambient, relative, ..SetLight::default() })),
@@ -97,6 +100,31 @@ fn function() -> impl Strategy<Value = TransferFunction> {
             }
             TransferFunction { low: 1.0, high: 2000.0, normalized, scale, points }
         },
+    )
+}
+
+/// Changes of a transfer function, some of which are refused.
+fn adjustment() -> impl Strategy<Value = Option<Change>> {
+    let end = || prop::option::of(-100.0..2100.0_f64);
+    let range = move || (end(), end()).prop_map(|(low, high)| ValueRange { low, high });
+    prop::option::weighted(
+        0.95,
+        prop_oneof![
+            (end(), end(), -50.0..50.0_f64, prop::option::of(-0.1..2.0_f64)).prop_map(
+                |(level, window, level_change, window_factor)| Change::Window(ValueWindow {
+                    level,
+                    window,
+                    level_change,
+                    window_factor,
+                    ..ValueWindow::default()
+                })
+            ),
+            range().prop_map(Change::ShowOnly),
+            range().prop_map(Change::Hide),
+            (prop::option::of(range()), some_color())
+                .prop_map(|(range, color)| Change::Color(ValueColor { range, color: Some(color) })),
+            (0..5_i32).prop_map(Change::Scale),
+        ],
     )
 }
 
@@ -177,6 +205,10 @@ fn check_promise(action: &Action, before: &EditState, after: &EditState) -> Resu
         Action::SetTransferFunction(a) => {
             let shown = after.transfer_function().map(|f| crate::wire::encode_transfer_function(f));
             prop_assert_eq!(&shown, &a.function);
+            prop_assert_eq!(after.appearance(), before.appearance());
+        }
+        Action::AdjustTransferFunction(_) => {
+            prop_assert!(after.transfer_function().is_some_and(|function| function.check().is_ok()));
             prop_assert_eq!(after.appearance(), before.appearance());
         }
         Action::TransformGaussians(a) => {

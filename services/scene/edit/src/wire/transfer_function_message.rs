@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use sg_proto::scene as proto;
+use sg_reclassify::VolumeOfScene;
 use sg_volume::TransferFunction;
 use sg_volume::transfer::{ControlPoint, Scale, Units};
 
@@ -40,14 +41,7 @@ pub fn encode_transfer_function(function: &TransferFunction) -> proto::TransferF
 /// # Errors
 /// [`WireError`] names what is wrong with it.
 pub fn decode_transfer_function(message: &proto::TransferFunction) -> Result<Arc<TransferFunction>, WireError> {
-    let scale = match proto::ValueScale::try_from(message.scale) {
-        Ok(proto::ValueScale::Linear) => Scale::Linear,
-        Ok(proto::ValueScale::Log10) => Scale::Log10,
-        Ok(proto::ValueScale::Symlog) => Scale::Symlog,
-        Ok(proto::ValueScale::Unspecified) | Err(_) => {
-            return Err(WireError::Kind { field: "transfer_function.scale", value: message.scale });
-        }
-    };
+    let scale = decode_scale(message.scale)?;
     if message.points.len() > MAX_POINTS {
         let reason = format!("{} control points; give at most {MAX_POINTS}", message.points.len());
         return Err(WireError::TransferFunction { field: FIELD, reason });
@@ -69,6 +63,32 @@ pub fn decode_transfer_function(message: &proto::TransferFunction) -> Result<Arc
     match function.check() {
         Ok(()) => Ok(Arc::new(function)),
         Err(problem) => Err(WireError::TransferFunction { field: FIELD, reason: problem.to_string() }),
+    }
+}
+
+/// The volume behind a scene as a message.
+pub(super) fn encode_volume(volume: &VolumeOfScene) -> proto::Volume {
+    let [least, greatest] = volume.range;
+    // No message may have more points; a file may.
+    let function = volume.function.as_deref().filter(|function| function.points.len() <= MAX_POINTS);
+    proto::Volume { function: function.map(encode_transfer_function), least, greatest }
+}
+
+/// The volume behind a scene from a message.
+pub(super) fn decode_volume(message: &proto::Volume) -> Result<VolumeOfScene, WireError> {
+    let function = message.function.as_ref().map(decode_transfer_function).transpose()?;
+    Ok(VolumeOfScene { function, range: [message.least, message.greatest] })
+}
+
+/// The spacing of values from a message.
+pub(crate) fn decode_scale(scale: i32) -> Result<Scale, WireError> {
+    match proto::ValueScale::try_from(scale) {
+        Ok(proto::ValueScale::Linear) => Ok(Scale::Linear),
+        Ok(proto::ValueScale::Log10) => Ok(Scale::Log10),
+        Ok(proto::ValueScale::Symlog) => Ok(Scale::Symlog),
+        Ok(proto::ValueScale::Unspecified) | Err(_) => {
+            Err(WireError::Kind { field: "transfer_function.scale", value: scale })
+        }
     }
 }
 

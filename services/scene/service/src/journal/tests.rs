@@ -5,16 +5,18 @@ use std::sync::Arc;
 
 use sg_proto::bus::Code;
 use sg_proto::replica::Replica as _;
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    ChangesRequest, Color, Command, DeleteGaussians, DuplicateGaussians, Redo, RestoreGaussians, SaveUnit, Select,
-    SetBackground, SetColor, Target, TransformGaussians, Undo, Vector,
+    AdjustTransferFunction, ChangesRequest, Color, Command, DeleteGaussians, DuplicateGaussians, Redo,
+    RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, Target, TransformGaussians, Undo, ValueWindow, Vector,
 };
 
 use super::retention::{RECENT_CHANGES, RESULTS_KEPT};
 use super::{CHECKPOINT_EVERY, JournalError, copy, describe, is_in_use};
 use crate::project::{Project, ProjectError};
 use sg_edit::{EditError, EditState, Replica, ReplicaError};
+use sg_reclassify::sources::{Source, store};
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 
@@ -618,4 +620,37 @@ fn a_restart_keeps_duplicates_and_their_undo() {
     let redone = project.editor().message(true);
     assert_eq!((redone.count, &redone.base_units), (edited.count, &edited.base_units));
     assert_eq!((redone.duplicates, redone.placements), (edited.duplicates, edited.placements));
+}
+
+/// The function of the scene's file is read anew at each opening; changes of it are kept.
+#[test]
+fn the_transfer_function_of_the_file_is_where_adjustments_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut units = test_scene(&[("bone", 20)]).units;
+    let source = |i: usize| Source { value: 10.0 * i as f64, depth: 1.0, ..Source::default() };
+    store(&(0..20).map(source).collect::<Vec<_>>(), &mut units[0].gaussians);
+    units[0].values = Some([0.0, 190.0]);
+    units[0].transfer_function = Some("tf.json".into());
+    let scene = Arc::new(Scene::compose(units, None));
+    let place = folder.path().join("scene.toml").display().to_string();
+    let function = r#"{"domain":[0,190],"points":[{"value":0,"color":[1,1,1],"opacity":0},{"value":100,"color":[1,1,1],"opacity":1}]}"#;
+    std::fs::write(folder.path().join("tf.json"), function).unwrap();
+    let path = folder.path().join("p.sgproj");
+    let window = ValueWindow { level: Some(150.0), ..ValueWindow::default() };
+    let change = Some(Change::Window(window));
+    let adjust = |id: &str| act(id, Action::AdjustTransferFunction(AdjustTransferFunction { change }));
+
+    let mut project = Project::open(&path, Arc::clone(&scene), &place).unwrap();
+    let volume = project.editor().message(false).volume.unwrap();
+    assert_eq!((volume.least, volume.greatest, volume.function.unwrap().points.len()), (0.0, 190.0, 2));
+    assert_eq!(project.apply(&adjust("a")).unwrap().result.summary, "level 150, window 100");
+    drop(project);
+
+    std::fs::remove_file(folder.path().join("tf.json")).unwrap();
+    let mut project = Project::open(&path, scene, &place).unwrap();
+    assert!(project.editor().message(false).volume.unwrap().function.is_none());
+    assert_eq!(project.editor().state().transfer_function().unwrap().level_and_window(), (150.0, 100.0));
+    project.apply(&act("b", Action::Undo(Undo { steps: 1 }))).unwrap();
+    let refused = project.apply(&adjust("c")).unwrap_err();
+    assert!(refused.to_string().contains("unknown"), "{refused}");
 }

@@ -5,13 +5,14 @@ use proptest::sample::select;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use sg_edit::wire::encode_mask;
+use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    Color, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit, DuplicateGaussians, Mask as MaskMessage,
-    MergeUnits, Orbit, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight,
-    SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction, SetView, SetVisibility, ShowOnly, Stroke, Target,
-    TransferFunction, TransformGaussians, Undo, Vector, View,
+    AdjustTransferFunction, Color, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit, DuplicateGaussians,
+    Mask as MaskMessage, MergeUnits, Orbit, Redo, RenameUnit, Reset, RestoreGaussians, SaveUnit, Select, SetBackground,
+    SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction, SetView, SetVisibility, ShowOnly,
+    Stroke, Target, TransferFunction, TransformGaussians, Undo, ValueRange, Vector, View,
 };
 use sg_scene::mask::Mask;
 
@@ -133,6 +134,10 @@ fn action(gaussians: usize) -> impl Strategy<Value = Action> {
         1 => (-1..9_i32).prop_map(|term| Action::SetTerm(SetTerm { term })),
         1 => prop::option::weighted(0.5, transfer_function())
             .prop_map(|function| Action::SetTransferFunction(SetTransferFunction { function })),
+        1 => (prop::option::of(number()), prop::option::of(number())).prop_map(|(low, high)| {
+            let change = Some(Change::ShowOnly(ValueRange { low, high }));
+            Action::AdjustTransferFunction(AdjustTransferFunction { change })
+        }),
         1 => color().prop_map(|color| Action::SetBackground(SetBackground { color })),
         1 => (prop::option::of(number()), any::<bool>())
             .prop_map(|(ambient, relative)| Action::SetLight(SetLight { ambient: ambient.map(|a| a as f32), relative, ..SetLight::default() })),
