@@ -125,7 +125,8 @@ fn distant_offset(bounds: Bounds) -> DVec3 {
     if middle.length() > DISTANT_DIAGONALS * (bounds.max - bounds.min).length() { middle } else { DVec3::ZERO }
 }
 
-fn unit_name(function: &TransferFunction, unit: usize) -> String {
+/// Name of a base unit of a transfer function.
+pub(crate) fn unit_name(function: &TransferFunction, unit: usize) -> String {
     match function.base_units.get(unit) {
         Some(u) => u.name.clone(),
         None => function.variable.clone().filter(|v| !v.trim().is_empty()).unwrap_or_else(|| "volume".to_owned()),

@@ -2,6 +2,7 @@
 //!
 //! [`direct_start`] classifies the voxels by a transfer function. It computes their importance and places Gaussians by it. Each
 //! Gaussian gets the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the Gaussians.
+//! [`series`] does so for the time steps of a series, each from the one before.
 //!
 //! ```
 //! use sg_fit::{Options, direct_start};
@@ -27,6 +28,7 @@ mod pieces;
 mod placed;
 mod placement;
 pub mod report;
+pub mod series;
 mod shape;
 pub mod training;
 mod visibility;

@@ -115,6 +115,17 @@ impl ScalarField {
     }
 }
 
+impl ScalarField {
+    /// The same values as a part of a series with this range of raw values ([`Field::with_range`]).
+    #[must_use]
+    pub fn with_range(self, range: [f64; 2]) -> Self {
+        match self {
+            Self::Grid(field) => Self::Grid(field.with_range(range)),
+            Self::Mesh(field) => Self::Mesh(field.with_range(range)),
+        }
+    }
+}
+
 impl<'a> From<&'a ScalarField> for ScalarFieldRef<'a> {
     fn from(field: &'a ScalarField) -> Self {
         field.as_ref()

@@ -48,6 +48,13 @@ impl Field {
         self.range
     }
 
+    /// The same values as a part of a series with this range of raw values. What refers to the range is then the same in all
+    /// steps: normalized transfer functions, and rises of boundaries.
+    #[must_use]
+    pub fn with_range(self, [low, high]: [f64; 2]) -> Self {
+        Self { range: ValueRange { low, high, ..self.range }, ..self }
+    }
+
     /// From differences per voxel to a gradient per world length.
     pub(crate) fn gradient_to_world(&self) -> Mat3 {
         self.gradient_to_world

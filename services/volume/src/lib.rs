@@ -36,6 +36,7 @@ pub mod histogram;
 pub mod mesh;
 pub mod opacity;
 pub mod phantom;
+pub mod pooled;
 pub mod read;
 pub mod scalars;
 pub mod suggestion;
@@ -54,8 +55,9 @@ pub use grid::{Bounds, Grid};
 pub use histogram::{automatic_transfer_function, background_values};
 pub use mesh::{Mesh, MeshField};
 pub use read::{
-    ENDINGS, Limits, ReadError, ReadOptions, WriteError, formats_help, is_volume_path, lacks_spacing, raw_file_name,
-    read_dataset, read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,
+    ENDINGS, Limits, ReadError, ReadOptions, SERIES_ENDINGS, SeriesStep, WriteError, formats_help, is_series_path,
+    is_volume_path, lacks_spacing, raw_file_name, read_dataset, read_series, read_spaced_volume, read_volume,
+    read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use surfaceness::Surfaceness;

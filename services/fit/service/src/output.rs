@@ -1,10 +1,14 @@
 //! Files that the command writes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sg_formats::{npy, staged_file};
+use sg_input::print::status as print_line;
+use sg_input::{file, limits};
+use sg_scene::model::Scene;
+use sg_volume::TransferFunction;
 
-use crate::failure::{Failure, work};
+use crate::failure::{Failure, input, work};
 
 /// Writes the labels of the Gaussians, or where they have a value.
 pub(crate) fn write_truth(file: &Path, labels: &[i32], value: Option<i32>) -> Result<(), Failure> {
@@ -26,4 +30,37 @@ pub(crate) fn write(target: &Path, bytes: &[u8]) -> Result<(), Failure> {
 /// Creates a folder and those above it.
 pub(crate) fn make_folder(out: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(out).map_err(|e| work(format!("{}: {e}; give a writable folder", out.display())))
+}
+
+/// The place of the transfer function beside the scene.
+pub(crate) fn function_file(out: &Path, given: Option<&Path>) -> PathBuf {
+    out.join(given.and_then(Path::file_name).unwrap_or_else(|| "automatic.tf.json".as_ref()))
+}
+
+/// Writes the transfer function and then the scene with its name.
+pub(crate) fn write_scene(
+    out: &Path,
+    scene: &mut Scene,
+    given: Option<&Path>,
+    function: &TransferFunction,
+) -> Result<Vec<PathBuf>, Failure> {
+    make_folder(out)?;
+    let target = function_file(out, given);
+    let name = target.file_name().map(PathBuf::from);
+    match given {
+        // The unchanged file, with unknown keys.
+        Some(given) => write(
+            &target,
+            &file::read(given, limits::TEXT_BYTES).map_err(|e| input(format!("{}: {e}", given.display())))?,
+        )?,
+        None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
+    }
+    for unit in &mut scene.units {
+        unit.transfer_function.clone_from(&name);
+    }
+    let saved = sg_formats::save(&out.join("scene.toml"), scene, &sg_formats::SaveOptions::default()).map_err(work)?;
+    for warning in &saved.warnings {
+        print_line(&format!("note: {}", warning.message));
+    }
+    Ok(saved.files.into_iter().chain([target]).collect())
 }

@@ -7,24 +7,27 @@ use std::path::{Path, PathBuf};
 
 use sg_confinement::{Rights, confine};
 
+use crate::arguments::FitArgs;
+use crate::failure::{Failure, work};
+
 /// What tells the number of cores.
 const STATE: [&str; 3] = ["/proc", "/sys/devices/system/cpu", "/sys/fs/cgroup"];
 
 /// Files of a run.
 #[derive(Debug, Default)]
-pub(crate) struct Files<'a> {
-    /// Volumes. Data of a header without data lies in the header's folder.
-    pub(crate) volumes: Vec<&'a Path>,
+struct Files<'a> {
+    /// Volumes. Data of a header without data lies in the header's folder, and steps of a series in that of the series.
+    volumes: Vec<&'a Path>,
     /// Other files to read.
-    pub(crate) inputs: Vec<&'a Path>,
+    inputs: Vec<&'a Path>,
     /// A scene to read, with the files beside it that it names.
-    pub(crate) scene: Option<&'a Path>,
+    scene: Option<&'a Path>,
     /// Folder of the new scene; made here, because the process may not make it later.
-    pub(crate) folder: Option<&'a Path>,
+    folder: Option<&'a Path>,
     /// Whether a folder that is made is for this user alone.
-    pub(crate) private: bool,
+    private: bool,
     /// Files to write. Each is written beside its place first, so its folder can be written.
-    pub(crate) outputs: Vec<&'a Path>,
+    outputs: Vec<&'a Path>,
 }
 
 /// Folders that were made for the outputs, outermost first. Removed again when dropped, as far as they are empty.
@@ -41,16 +44,35 @@ impl Drop for MadeFolders {
     }
 }
 
+/// Gives up all rights but those on the files of a run, unless the user keeps them. `place` is the folder of the new scene.
+pub(crate) fn confined(args: &FitArgs, place: &Path) -> Result<MadeFolders, Failure> {
+    if args.unconfined {
+        return Ok(MadeFolders::default());
+    }
+    let files = Files {
+        volumes: args.volumes.iter().map(PathBuf::as_path).chain(args.labels.as_deref()).collect(),
+        inputs: args.transfer_function.as_deref().into_iter().collect(),
+        scene: args.start.as_deref(),
+        folder: Some(place),
+        private: args.keep_in.is_some(),
+        outputs: args.out_truth.as_deref().into_iter().chain(args.report.as_deref()).collect(),
+    };
+    keep_only(&files).map_err(|e| work(format!("{}: {e}; give a writable folder", place.display())))
+}
+
 /// Gives up all rights but those on these files, for this process and its threads to come. A kernel without Landlock leaves them
 /// as they are.
 ///
 /// # Errors
 /// The folder of the scene cannot be made, or the kernel refuses.
-pub(crate) fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
+fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
     let mut rights = Rights::none();
     rights.read.extend(STATE.map(PathBuf::from));
     rights.read.extend(files.inputs.iter().chain(&files.volumes).map(|path| path.to_path_buf()));
-    let headers = files.volumes.iter().filter(|volume| sg_volume::reads_beside(volume));
+    let headers = files
+        .volumes
+        .iter()
+        .filter(|volume| sg_volume::reads_beside(volume) || sg_volume::is_series_path(volume));
     rights.read.extend(headers.map(|header| folder_of(header)));
     rights.read.extend(files.scene.map(folder_of));
     rights.write.extend(files.outputs.iter().map(|output| folder_of(output)));

@@ -1,14 +1,15 @@
-//! Training of a direct start on pictures of its volume, with its options and its progress.
+//! Training of a start on pictures of its volume, with its options.
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
-use sg_fit::training::{Measurement, TrainingError, TrainingOptions, TrainingReport, ViewOptions, train, volume_views};
-use sg_input::print::status as print_line;
+use sg_fit::training::{
+    TrainingError, TrainingOptions, TrainingReport, TrainingView, ViewOptions, train, volume_views,
+};
 use sg_scene::model::Scene;
 use sg_volume::{Classifier, ScalarFieldRef};
+
+use crate::progress::Display;
 
 /// Most views, steps and pixels along an edge of a view.
 const MOST: (usize, usize, u32) = (4096, 1_000_000, 2048);
@@ -61,78 +62,65 @@ fn decibels(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give a number above 0, at most 100".to_owned())
 }
 
+/// Pictures to train on, and to measure with.
+pub(crate) struct Views {
+    pub(crate) training: Vec<TrainingView>,
+    held_out: Vec<TrainingView>,
+}
+
+/// How much of a whole training a start needs.
+#[derive(Clone, Copy)]
+pub(crate) struct Plan {
+    /// Share of the seconds or steps.
+    pub(crate) share: f64,
+    /// Share of the first rates.
+    pub(crate) rates: f32,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { share: 1.0, rates: 1.0 }
+    }
+}
+
 impl TrainingArgs {
-    /// Trains a direct start in place. Lines of progress replace the bar if `lines` is set.
-    pub(crate) fn run(
+    /// Renders the views of a volume.
+    pub(crate) fn views(
         &self,
-        scene: &mut Scene,
         (field, classifier): (ScalarFieldRef<'_>, &Classifier),
         seed: u64,
-        lines: bool,
-    ) -> Result<TrainingReport, TrainingError> {
+        display: &Display,
+    ) -> Views {
         let views = self.views as usize;
         let of_views = ViewOptions { views, held_out: views.div_ceil(8), size: self.view_size, seed };
-        let display = Display::new(lines);
         let (training, held_out) = volume_views(field, classifier, &of_views, |done, of| display.views(done, of));
+        Views { training, held_out }
+    }
+
+    /// Trains a start in place.
+    pub(crate) fn train(
+        &self,
+        scene: &mut Scene,
+        views: &Views,
+        plan: Plan,
+        display: &Display,
+    ) -> Result<TrainingReport, TrainingError> {
         let Steps(all, shading) = self.iterations.unwrap_or(Steps(MOST.1, 0));
+        let part = |steps: usize| ((steps as f64 * plan.share).ceil() as usize).max(1);
         let defaults = TrainingOptions::default();
         let options = TrainingOptions {
-            iterations: all + shading,
+            iterations: if self.iterations.is_some() { part(all + shading) } else { MOST.1 },
             shading_share: shading as f64 / (all + shading) as f64,
-            seconds: self.iterations.is_none().then_some(self.seconds),
+            seconds: self.iterations.is_none().then_some(self.seconds * plan.share),
             target_psnr_db: self.target_psnr,
+            rates: defaults.rates.times(plan.rates),
             ..defaults
         };
-        let report = train(scene, &training, &held_out, &options, |found, _| {
+        let report = train(scene, &views.training, &views.held_out, &options, |found, _| {
             display.step(found, &options);
             ControlFlow::Continue(())
         });
-        display.bar.finish_and_clear();
+        display.finish();
         report
-    }
-}
-
-/// The progress on standard error: a bar on a terminal, or lines.
-struct Display {
-    bar: ProgressBar,
-    lines: bool,
-    clock: Instant,
-}
-
-impl Display {
-    fn new(lines: bool) -> Self {
-        let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
-            bar.set_style(style);
-        }
-        Self { bar, lines, clock: Instant::now() }
-    }
-
-    fn views(&self, done: usize, of: usize) {
-        self.show(done as u64, of as u64, "rendering the volume");
-    }
-
-    fn step(&self, found: &Measurement, options: &TrainingOptions) {
-        let (done, of) = match options.seconds {
-            Some(seconds) => ((found.seconds.min(seconds) * 10.0) as u64, (seconds * 10.0) as u64),
-            None => (found.iteration as u64, options.iterations as u64),
-        };
-        let left = if done > 0 { found.seconds * (of.saturating_sub(done)) as f64 / done as f64 } else { f64::NAN };
-        let left = if left.is_finite() { format!(", {left:.0} s left") } else { String::new() };
-        self.show(
-            done,
-            of,
-            &format!("training: {:.2} dB after {} steps{left}", found.footprint_psnr_db, found.iteration),
-        );
-    }
-
-    fn show(&self, done: u64, of: u64, step: &str) {
-        if self.lines {
-            print_line(&format!("progress {done} {of} {step}"));
-        } else {
-            self.bar.set_length(of);
-            self.bar.set_position(done);
-            self.bar.set_message(format!("{step} ({:.0} s)", self.clock.elapsed().as_secs_f64()));
-        }
     }
 }

@@ -116,6 +116,21 @@ pub fn values(gaussians: &Gaussians) -> Option<Vec<f64>> {
     Some((0..gaussians.len()).map(|i| columns.value(i)).collect())
 }
 
+/// What Gaussians have of their volume; `None` for Gaussians without it.
+#[must_use]
+pub fn stored(gaussians: &Gaussians) -> Option<Vec<Source>> {
+    let columns = Columns::of(&gaussians.extra)?;
+    let source = |i: usize| Source {
+        value: columns.value(i),
+        spread: f64::from(columns.spread[i]),
+        gradient: f64::from(columns.gradient[i]),
+        consistency: f64::from(columns.consistency[i]),
+        surfaceness: f64::from(columns.surfaceness[i]),
+        depth: f64::from(columns.depth[i]),
+    };
+    Some((0..gaussians.len()).map(source).collect())
+}
+
 /// The Gaussians that a transfer function hides: those with values of their volume and an opacity below 1/8192, which no picture
 /// shows.
 #[must_use]

@@ -166,6 +166,12 @@ impl MeshField {
         self.range
     }
 
+    /// The same values as a part of a series with this range of raw values ([`Field::with_range`]).
+    #[must_use]
+    pub fn with_range(self, [low, high]: [f64; 2]) -> Self {
+        Self { range: ValueRange { low, high, ..self.range }, ..self }
+    }
+
     /// The raw value of a stored 0.
     #[must_use]
     pub fn offset(&self) -> f64 {

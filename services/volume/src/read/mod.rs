@@ -14,6 +14,7 @@ mod metaimage;
 mod nifti;
 mod nrrd;
 mod raw;
+mod series;
 mod source;
 mod vti;
 mod vtk_xml;
@@ -35,6 +36,7 @@ use source::Source;
 pub use error::{ActualSize, ReadError, WriteError};
 pub use format::Format;
 pub use raw::{raw_file_name, write_raw};
+pub use series::{MAX_STEPS, SERIES_ENDINGS, SeriesStep, is_series_path, read_series};
 pub use source::Limits;
 
 /// The formats that [`read_dataset`] reads.

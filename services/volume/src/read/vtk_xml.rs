@@ -84,7 +84,7 @@ pub(super) struct Array {
 }
 
 impl Attributes {
-    fn of(source: Source<'_>, element: &BytesStart<'_>, at: usize) -> Result<Self, ReadError> {
+    pub(super) fn of(source: Source<'_>, element: &BytesStart<'_>, at: usize) -> Result<Self, ReadError> {
         let wrong = |what: String| source.format(format!("byte {at}"), what, "repair the XML");
         // Without checks for duplicates: they compare each attribute with all before it.
         let mut attributes = element.attributes();
