@@ -18,8 +18,8 @@ use std::ops::ControlFlow;
 
 use glam::{DVec3, Vec3};
 use serde::Serialize;
-use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_reclassify::sources;
+use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::averages::Averages;
 use sg_volume::transfer::Units;
 use sg_volume::{Classifier, ScalarField, ScalarFieldRef, TransferFunction, ValueRange};
@@ -32,6 +32,9 @@ use samples::Voxels;
 use warm::warm_start;
 
 pub use lineage::carried;
+
+/// Views by which the better start of a step is found, at most. They come in random order, so the first ones see all sides.
+const COMPARED: usize = 8;
 
 /// How a step started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -204,7 +207,8 @@ impl Series {
         }
         let warm =
             warm_start(&before.scene, [&old, &new], &direct, &motion, &self.classifier, self.options.gaussians)?;
-        let decibels = [decibels(&direct, views)?, decibels(&warm.scene, views)?];
+        let compared = views.get(..COMPARED).unwrap_or(views);
+        let decibels = [decibels(&direct, compared)?, decibels(&warm.scene, compared)?];
         let mut start = if decibels[1] >= decibels[0] {
             let kept = warm.origins.iter().flatten().count();
             let nearest = lineage::nearest_before(&warm.scene, &before.scene, &moved)?;

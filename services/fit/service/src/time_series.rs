@@ -16,8 +16,7 @@ use sg_reclassify::sources;
 use sg_scene::model::Scene;
 use sg_volume::pooled::PooledValues;
 use sg_volume::{
-    Bounds, Dataset, ReadOptions, ScalarField, ScalarFieldRef, SeriesStep, TransferFunction, ValueRange, is_series_path,
-    read_dataset, read_series,
+    Bounds, Dataset, ReadOptions, ScalarFieldRef, SeriesStep, TransferFunction, is_series_path, read_dataset, read_series,
 };
 
 use crate::arguments::FitArgs;
@@ -161,9 +160,29 @@ fn steps_of(volumes: &[PathBuf]) -> Result<Vec<SeriesStep>, Failure> {
                 let what = "names all steps of a series; give it alone, or the files of the steps";
                 return Err(input(format!("{}: {what}", series.display())));
             }
+            if let Some([later, earlier]) = volumes.array_windows().find(|[a, b]| is_after(a, b)) {
+                print_line(&format!(
+                    "note: {} stands before {}: steps keep the order of the command line",
+                    later.display(),
+                    earlier.display()
+                ));
+            }
             Ok(volumes.iter().map(|path| SeriesStep { path: path.clone(), time: None }).collect())
         }
     }
+}
+
+/// Whether two names differ in their numbers alone, and those of the first one are greater. A shell puts 10 before 2.
+fn is_after(one: &Path, other: &Path) -> bool {
+    let parts = |path: &Path| {
+        let name = path.to_string_lossy().into_owned();
+        let words: Vec<String> = name.split(|c: char| c.is_ascii_digit()).filter(|w| !w.is_empty()).map(str::to_owned).collect();
+        let numbers = name.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty());
+        let numbers: Vec<u64> = numbers.map(|n| n.parse().unwrap_or(u64::MAX)).collect();
+        (words, numbers)
+    };
+    let ((words, numbers), (others, other_numbers)) = (parts(one), parts(other));
+    words == others && numbers.len() == other_numbers.len() && numbers > other_numbers
 }
 
 /// What a first look at all steps found.
@@ -398,4 +417,17 @@ fn step_line(out: &Path, index: usize, entry: &StepEntry) -> String {
         grouped(entry.gaussians as u64),
         entry.seconds
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_names_are_compared_as_numbers() {
+        let after = |a: &str, b: &str| is_after(Path::new(a), Path::new(b));
+        assert!(after("flow_10.vti", "flow_2.vti") && after("a/t2_5.vtu", "a/t2_4.vtu"));
+        assert!(!after("flow_2.vti", "flow_10.vti") && !after("flow_2.vti", "flow_2.vti"));
+        assert!(!after("flow_3.vti", "heat_2.vti") && !after("flow_03.vti", "flow_3.vti"));
+    }
 }

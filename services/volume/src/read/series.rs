@@ -158,3 +158,76 @@ fn list(source: Source<'_>, text: &str) -> Result<Vec<(String, Option<f64>)>, Re
     })?;
     Ok(files.into_iter().map(|ListedFile { name, time }| (name, time)).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(steps: &[SeriesStep]) -> Vec<String> {
+        steps.iter().map(|step| step.path.file_name().unwrap().to_string_lossy().into_owned()).collect()
+    }
+
+    #[test]
+    fn both_kinds_name_their_steps_by_time() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::create_dir(at("data")).unwrap();
+        for name in ["data/a b&c.vti", "b.vti", "c.vti"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        let collection = r#"<?xml version="1.0"?><VTKFile type="Collection" version="0.1"><Collection>
+            <DataSet timestep="2.5e0" group="" part="0" file="b.vti"/>
+            <DataSet timestep=" 0.5 " file="data/a b&amp;c.vti"></DataSet>
+            <DataSet timestep="1" file="./c.vti"/></Collection></VTKFile>"#;
+        std::fs::write(at("flow.PVD"), collection).unwrap();
+        let steps = read_series(&at("flow.PVD")).unwrap();
+        assert_eq!(names(&steps), ["a b&c.vti", "c.vti", "b.vti"]);
+        assert_eq!(steps.iter().map(|step| step.time).collect::<Vec<_>>(), [Some(0.5), Some(1.0), Some(2.5)]);
+        let list = r#"{"file-series-version": "1.0", "files": [{"name": "c.vti", "time": 3}, {"name": "b.vti", "time": -1.5}]}"#;
+        std::fs::write(at("flow.vti.series"), list).unwrap();
+        assert_eq!(names(&read_series(&at("flow.vti.series")).unwrap()), ["b.vti", "c.vti"]);
+        // Without times they come as they stand.
+        std::fs::write(at("plain.series"), r#"{"files": [{"name": "c.vti"}, {"name": "b.vti"}]}"#).unwrap();
+        assert_eq!(names(&read_series(&at("plain.series")).unwrap()), ["c.vti", "b.vti"]);
+        assert!(is_series_path(Path::new("x.vtu.series")) && !is_series_path(Path::new("x.vtu")));
+    }
+
+    #[test]
+    fn a_series_reads_nothing_outside_its_folder_and_errors_are_one_line() {
+        let (dir, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let at = |name: &str| dir.path().join(name);
+        std::fs::write(at("a.vti"), "").unwrap();
+        std::fs::create_dir(at("folder")).unwrap();
+        let secret = other.path().join("secret.vti");
+        std::fs::write(&secret, "").unwrap();
+        std::os::unix::fs::symlink(&secret, at("link.vti")).unwrap();
+        let pvd = |inner: &str| format!("<VTKFile type=\"Collection\"><Collection>{inner}</Collection></VTKFile>");
+        let data = |file: &str| pvd(&format!("<DataSet timestep=\"0\" file=\"{file}\"/>"));
+        let many = pvd(&"<DataSet file=\"a.vti\"/>".repeat(MAX_STEPS + 1));
+        for (name, text, part) in [
+            ("x.pvd", data(secret.to_str().unwrap()), "leads out of the folder"),
+            ("x.pvd", data("../x.vti"), "leads out of the folder"),
+            ("x.pvd", data("folder/../../x.vti"), "leads out of the folder"),
+            ("x.pvd", data(""), "leads out of the folder"),
+            ("x.pvd", data("link.vti"), "outside the folder"),
+            ("x.pvd", data("folder"), "is a directory"),
+            ("x.pvd", data("none.vti"), "none.vti: No such file"),
+            ("x.pvd", pvd("<DataSet timestep=\"one\" file=\"a.vti\"/>"), "DataSet 0: the timestep `one` is no number"),
+            ("x.pvd", pvd("<DataSet timestep=\"nan\" file=\"a.vti\"/>"), "not finite"),
+            ("x.pvd", pvd("<DataSet timestep=\"0\"/>"), "DataSet 0: no file"),
+            ("x.pvd", pvd(""), "no time step"),
+            ("x.pvd", pvd(&"<DataSet timestep=\"4\" file=\"a.vti\"/>".repeat(2)), "same time 4"),
+            ("x.pvd", many, "10001 time steps"),
+            ("x.pvd", "<VTKFile type=\"ImageData\"></VTKFile>".to_owned(), "type `ImageData`"),
+            ("x.pvd", "<VTKFile type=\"Coll".to_owned(), "repair the XML"),
+            ("x.pvd", "<a/>".to_owned(), "no VTKFile element"),
+            ("x.series", "{\"files\": [{\"name\": 3}]}".to_owned(), "line 1"),
+            ("x.series", "{\"files\": [{\"name\": \"../x.vti\"}]}".to_owned(), "leads out of the folder"),
+            ("x.series", "[]".to_owned(), "line 1"),
+        ] {
+            std::fs::write(at(name), &text).unwrap();
+            let error = read_series(&at(name)).unwrap_err().to_string();
+            assert!(error.contains(part) && error.lines().count() == 1, "{text}: {error}");
+        }
+    }
+}
