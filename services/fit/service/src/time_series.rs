@@ -34,7 +34,7 @@ const PREVIOUS_FILE: &str = "previous.npy";
 /// Version of the format of the series file.
 const SCHEMA: u32 = 1;
 /// Training of a warm start: share of `--seconds` or `--iterations`, and of the first rates.
-const WARM: Plan = Plan { share: 0.5, rates: 0.3 };
+const WARM: Plan = Plan { share: 1.0 / 3.0, rates: 0.3 };
 
 /// `series.toml`, and the report of the command.
 #[derive(Serialize)]

@@ -184,7 +184,7 @@ fn cases(arguments: &Arguments) -> Vec<Case> {
 }
 
 /// The transfer function of the tooth, from here.
-const TOOTH: &str = "../../launch/demo/tooth.tf.json";
+const TOOTH: &str = "../launch/demo/tooth.tf.json";
 
 fn field(of: impl Fn(DVec3) -> f64) -> Field {
     let grid = Grid::unit([SIZE; 3]).unwrap();
