@@ -113,10 +113,8 @@ fn measured(arguments: &Arguments, (name, function, range, step): &Case, table: 
         let mut next = row("direct", &direct, 1.0);
         if start.kind == StartKind::Warm {
             for (k, rates) in arguments.rates.iter().enumerate() {
-                let what = format!(
-                    "warm in {starting:.1} s, rates {rates}: {} went, {} came",
-                    start.removed, start.placed
-                );
+                let what =
+                    format!("warm in {starting:.1} s, rates {rates}: {} went, {} came", start.removed, start.placed);
                 let scene = row(&what, &start.scene, *rates);
                 if k == 0 {
                     next = scene;
@@ -200,7 +198,9 @@ fn inside(distance: f64) -> f64 {
 fn splitting(step: usize) -> Field {
     let t = step as f64;
     let (middle, apart) = (DVec3::new(47.5, 35.0 + 2.0 * t, 47.5), DVec3::X * (12.0 + 2.0 * t));
-    field(|p| [middle - apart, middle + apart].into_iter().map(|at| inside((p - at).length() - 16.0)).fold(0.0, f64::max))
+    field(|p| {
+        [middle - apart, middle + apart].into_iter().map(|at| inside((p - at).length() - 16.0)).fold(0.0, f64::max)
+    })
 }
 
 fn growing(step: usize) -> Field {

@@ -1,10 +1,13 @@
 //! Time series: one scene for each step, each started from the one before.
 //!
 //! All steps have one transfer function, one range of values, the same base units and palette colours. A step can start in two ways.
-//! The direct start knows nothing of the step before. The warm start takes its trained Gaussians: they move with what is visible
-//! (optical flow), their opacities, colours, normals and values change by what the volume changed around them, those that show
-//! nothing go, and Gaussians of the direct start come where none of them is. The start with the better pictures is taken, so a
-//! step is never worse off for the one before. A step with the values of the one before gets its scene.
+//! The direct start knows nothing of the step before. The warm start takes its trained Gaussians:
+//!
+//! - They move with what is visible (optical flow).
+//! - Their opacities, colours, normals and values change by what the volume changed around them.
+//! - Those that show nothing go, and Gaussians of the direct start come where none of them is.
+//!
+//! The start with the better pictures is taken. A step with the values of the one before gets its scene.
 //!
 //! Each Gaussian knows the one of the step before that it continues, whichever start was taken. So [`carried`] brings masks from step
 //! to step.
@@ -26,6 +29,7 @@ use sg_volume::{Classifier, ScalarField, ScalarFieldRef, TransferFunction, Value
 
 use crate::direct::{Progress, direct_start, unit_name};
 use crate::options::{DirectError, Options};
+use crate::placement::PlacementError;
 use crate::training::{TrainingError, TrainingOptions, TrainingView, train};
 use motion::Motion;
 use samples::Voxels;
@@ -48,6 +52,17 @@ pub enum StartKind {
     Unchanged,
     /// Nothing of it is visible: a scene without Gaussians.
     Empty,
+}
+
+/// A step cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum SeriesError {
+    /// The starts cannot be compared.
+    #[error(transparent)]
+    Training(#[from] TrainingError),
+    /// The nearest-neighbour search could not be set up.
+    #[error("the start from the step before failed: {0}")]
+    Placement(#[from] PlacementError),
 }
 
 /// The start of a step.
@@ -172,13 +187,13 @@ impl Series {
     /// The better of the two starts of a step by these views of it. Without a step before, or without views, it is the direct one.
     ///
     /// # Errors
-    /// [`TrainingError`]: the views do not fit.
+    /// [`SeriesError`]: the views do not fit.
     pub fn start(
         &self,
         direct: Scene,
         field: ScalarFieldRef<'_>,
         views: &[TrainingView],
-    ) -> Result<StepStart, TrainingError> {
+    ) -> Result<StepStart, SeriesError> {
         let as_direct = |scene: Scene, previous: Vec<i32>, removed: usize| StepStart {
             kind: StartKind::Direct,
             kept: 0,
@@ -205,8 +220,7 @@ impl Series {
             let previous = lineage::nearest_before(&direct, &before.scene, &moved)?;
             return Ok(as_direct(direct, previous, before.scene.len()));
         }
-        let warm =
-            warm_start(&before.scene, [&old, &new], &direct, &motion, &self.classifier, self.options.gaussians)?;
+        let warm = warm_start(&before.scene, [&old, &new], &direct, &motion, &self.classifier, self.options.gaussians)?;
         let compared = views.get(..COMPARED).unwrap_or(views);
         let decibels = [decibels(&direct, compared)?, decibels(&warm.scene, compared)?];
         let mut start = if decibels[1] >= decibels[0] {
@@ -250,9 +264,8 @@ fn decibels(scene: &Scene, views: &[TrainingView]) -> Result<f64, TrainingError>
 
 /// Whether two fields are the same values at the same places.
 fn is_same(one: ScalarFieldRef<'_>, other: ScalarFieldRef<'_>) -> bool {
-    let same = |a: &[f32], b: &[f32]| {
-        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || a.is_nan() && b.is_nan())
-    };
+    let same =
+        |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || a.is_nan() && b.is_nan());
     match (one, other) {
         (ScalarFieldRef::Grid(a), ScalarFieldRef::Grid(b)) => {
             a.grid() == b.grid() && a.offset() == b.offset() && same(a.values(), b.values())

@@ -22,7 +22,6 @@ use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, RenderError, render};
 use sg_scene::model::Scene;
 
-use crate::placement::PlacementError;
 use loss::{Channels, Loss, loss, similarity};
 use optimizer::Optimizer;
 pub use optimizer::Rates;
@@ -126,9 +125,6 @@ pub enum TrainingError {
     /// The scene cannot be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The nearest-neighbour search of a series could not be set up.
-    #[error("the start from the step before failed: {0}")]
-    Placement(#[from] PlacementError),
 }
 
 /// Trains a scene in place. `progress` gets each measurement; [`ControlFlow::Break`] ends the run with the best scene so far.

@@ -119,7 +119,8 @@ fn a_mask_follows_its_ball_through_a_split() {
 
 #[test]
 fn a_growing_shell_keeps_its_gaussians_and_gets_more() {
-    let shell = |radius: f64| field(move |p| ball(p, DVec3::splat(19.5), radius) - ball(p, DVec3::splat(19.5), radius - 4.0));
+    let shell =
+        |radius: f64| field(move |p| ball(p, DVec3::splat(19.5), radius) - ball(p, DVec3::splat(19.5), radius - 4.0));
     // The budget leaves room: what covers the small shell does not cover the large one.
     let mut series = Series::new(&function(), RANGE, options(3000)).unwrap();
     let (_, first) = step(&mut series, shell(7.0), 30);
@@ -177,7 +178,10 @@ fn what_does_not_change_stays_as_it_is() {
             let (now, then) = (&unit.gaussians, &earlier.gaussians);
             assert_eq!(now.position[local], then.position[there]);
             assert_eq!(now.opacity_logit[local], then.opacity_logit[there]);
-            assert_eq!(now.shading.as_ref().unwrap().offset_color[local], then.shading.as_ref().unwrap().offset_color[there]);
+            assert_eq!(
+                now.shading.as_ref().unwrap().offset_color[local],
+                then.shading.as_ref().unwrap().offset_color[there]
+            );
             still += 1;
         }
     }

@@ -43,6 +43,8 @@ const FROM_SLICER: &str = "save it as NRRD from 3D Slicer";
 const FROM_FIJI: &str = "open it in Fiji and save it as NRRD";
 const FROM_PARAVIEW: &str = "resample it to an image in ParaView and save it as .vti";
 const AS_RAW: &str = "write its array as raw voxels with a name like heart_256x256x128_uint16.raw";
+const FROM_NETCDF: &str = "open it in ParaView, resample it to an image and save it as .vti, or a mesh as .vtu";
+const FROM_HDF5: &str = "open it in Fiji and save it as NRRD, or with an XDMF file in ParaView and save it as .vti";
 const AS_PLY: &str = "convert it to .ply with PlayCanvas splat-transform";
 const FROM_MESH: &str = "a mesh has no voxels; make a label map of it in 3D Slicer and save that as NRRD";
 const FROM_POINTS: &str = "points are no Gaussians; train Gaussians on pictures of the place and give their PLY";
@@ -53,8 +55,8 @@ pub static UNREADABLE: &[UnreadableFormat] = &[
     row("Analyze, or NIfTI in two files,", &[".hdr", ".img", ".hdr.gz", ".img.gz"], &[], FROM_SLICER),
     row("FreeSurfer MGH", &[".mgh", ".mgz"], &[], FROM_SLICER),
     row("Philips PAR/REC", &[".par", ".rec"], &[], "convert it to NIfTI with dcm2niix"),
-    row("HDF5", &[".h5", ".hdf5", ".hdf", ".ims"], &[HDF5], AS_RAW),
-    row("NetCDF", &[".nc", ".nc4", ".cdf"], &[NETCDF[0], NETCDF[1], NETCDF[2], HDF5], AS_RAW),
+    row("HDF5", &[".h5", ".hdf5", ".hdf", ".ims"], &[HDF5], FROM_HDF5),
+    row("NetCDF", &[".nc", ".nc4", ".cdf"], &[NETCDF[0], NETCDF[1], NETCDF[2], HDF5], FROM_NETCDF),
     row("MINC", &[".mnc"], &[NETCDF[0], NETCDF[1], NETCDF[2], HDF5], "convert it to NIfTI with mnc2nii"),
     row("MATLAB", &[".mat"], &[(0, b"MATLAB 5.0"), HDF5], AS_RAW),
     row("NumPy", &[".npy"], &[(0, b"\x93NUMPY")], AS_RAW),

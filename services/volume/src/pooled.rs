@@ -98,7 +98,8 @@ impl PooledValues {
     /// The kept values of all steps, one step above the other.
     fn stacked(&self, [low, high]: [f64; 2]) -> Result<Field, GridError> {
         let [x, y, z] = self.dims.unwrap_or([1; 3]);
-        let grid = Grid::new([x, y, self.kept.len() / (x * y * z).max(1) * z], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
+        let grid =
+            Grid::new([x, y, self.kept.len() / (x * y * z).max(1) * z], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
         let values: Vec<f32> = self.kept.iter().map(|raw| (raw - low) as f32).collect();
         let non_finite = values.iter().filter(|value| !value.is_finite()).count();
         Ok(Field::from_parts(grid, values, low, ValueRange { low, high, non_finite }))

@@ -127,7 +127,10 @@ impl FitArgs {
 
 fn volume_help() -> String {
     let series = SERIES_ENDINGS.map(|ending| format!("*{ending}")).join(", ");
-    format!("The volume, or all time steps of a series in their order. {series} name the steps of one. Formats: {}", formats_help())
+    format!(
+        "The volume, or all time steps of a series in their order. {series} name the steps of one. Formats: {}",
+        formats_help()
+    )
 }
 
 fn gaussians(text: &str) -> Result<usize, String> {

@@ -11,8 +11,8 @@ use sg_fit::{DirectStart, Options, direct_start, orientation_of};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::{check_scene_target, staged_file};
 use sg_input::number_format::grouped;
-use sg_input::print::status as print_line;
 use sg_input::print;
+use sg_input::print::status as print_line;
 use sg_reclassify::sources;
 use sg_scene::model::Scene;
 use sg_volume::suggestion::suggest_base_units;
@@ -22,6 +22,7 @@ use sg_volume::{
 };
 
 use crate::arguments::FitArgs;
+use crate::carry::{CarryArgs, carry};
 use crate::failure::{Failure, input, work};
 use crate::kept_scenes::{self, KeptScene, KeptScenes};
 use crate::output::{function_file, write, write_scene, write_truth};
@@ -72,6 +73,11 @@ enum Command {
         #[arg(long, value_name = "K", default_value_t = 0)]
         seed: u64,
     },
+    /// Carry a mask from one step of a series to a later one.
+    #[command(
+        after_help = "Example:\n  supergaussian fit carry flow/series.toml --mask ring.npy --from 0 --to 3 --out ring-3.npy"
+    )]
+    Carry(CarryArgs),
 }
 
 /// Runs the command with the arguments of this process.
@@ -87,6 +93,7 @@ pub(crate) fn run() -> ExitCode {
     };
     let result = match cli.command {
         Some(Command::Phantom { out, size, seed }) => phantom::make(&out, usize::from(size), seed, cli.json),
+        Some(Command::Carry(args)) => carry(&args),
         None => fit(&cli.fit, cli.json),
     };
     match result {

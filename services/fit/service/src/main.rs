@@ -1,6 +1,7 @@
 //! `supergaussian-fit`: conversion of a volume to editable Gaussians.
 
 mod arguments;
+mod carry;
 mod cli;
 mod failure;
 mod kept_scenes;

@@ -69,10 +69,8 @@ fn keep_only(files: &Files<'_>) -> io::Result<MadeFolders> {
     let mut rights = Rights::none();
     rights.read.extend(STATE.map(PathBuf::from));
     rights.read.extend(files.inputs.iter().chain(&files.volumes).map(|path| path.to_path_buf()));
-    let headers = files
-        .volumes
-        .iter()
-        .filter(|volume| sg_volume::reads_beside(volume) || sg_volume::is_series_path(volume));
+    let headers =
+        files.volumes.iter().filter(|volume| sg_volume::reads_beside(volume) || sg_volume::is_series_path(volume));
     rights.read.extend(headers.map(|header| folder_of(header)));
     rights.read.extend(files.scene.map(folder_of));
     rights.write.extend(files.outputs.iter().map(|output| folder_of(output)));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
-use sg_fit::series::{Series, StartKind, StepStart};
+use sg_fit::series::{Series, SeriesError, StartKind, StepStart};
 use sg_fit::training::TrainingReport;
 use sg_fit::{DirectError, orientation_of};
 use sg_formats::{check_scene_target, npy, staged_file};
@@ -16,7 +16,8 @@ use sg_reclassify::sources;
 use sg_scene::model::Scene;
 use sg_volume::pooled::PooledValues;
 use sg_volume::{
-    Bounds, Dataset, ReadOptions, ScalarFieldRef, SeriesStep, TransferFunction, is_series_path, read_dataset, read_series,
+    Bounds, Dataset, ReadOptions, ScalarFieldRef, SeriesStep, TransferFunction, is_series_path, read_dataset,
+    read_series,
 };
 
 use crate::arguments::FitArgs;
@@ -176,7 +177,8 @@ fn steps_of(volumes: &[PathBuf]) -> Result<Vec<SeriesStep>, Failure> {
 fn is_after(one: &Path, other: &Path) -> bool {
     let parts = |path: &Path| {
         let name = path.to_string_lossy().into_owned();
-        let words: Vec<String> = name.split(|c: char| c.is_ascii_digit()).filter(|w| !w.is_empty()).map(str::to_owned).collect();
+        let words: Vec<String> =
+            name.split(|c: char| c.is_ascii_digit()).filter(|w| !w.is_empty()).map(str::to_owned).collect();
         let numbers = name.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty());
         let numbers: Vec<u64> = numbers.map(|n| n.parse().unwrap_or(u64::MAX)).collect();
         (words, numbers)
@@ -236,7 +238,11 @@ impl Common {
     fn check(&self, step: &Self) -> Result<(), String> {
         let kind = |is_mesh: bool| if is_mesh { "a mesh" } else { "voxels" };
         if self.is_mesh != step.is_mesh {
-            return Err(format!("{}, but step 0 is {}; give steps of one kind", kind(step.is_mesh), kind(self.is_mesh)));
+            return Err(format!(
+                "{}, but step 0 is {}; give steps of one kind",
+                kind(step.is_mesh),
+                kind(self.is_mesh)
+            ));
         }
         if self.variable != step.variable {
             let name = |variable: &Option<String>| variable.clone().unwrap_or_else(|| "no name".to_owned());
@@ -387,7 +393,7 @@ fn started(
     }
     let direct = series.direct(field, |p| display.stage(p)).map_err(|e| StepError::Input(e.to_string()))?;
     let Some(direct) = direct else { return Ok((series.empty(field), None)) };
-    let failed = |e: sg_fit::training::TrainingError| StepError::Work(e.to_string());
+    let failed = |e: SeriesError| StepError::Work(e.to_string());
     if args.initial_only {
         return Ok((series.start(direct, field, &[]).map_err(failed)?, None));
     }
@@ -395,7 +401,7 @@ fn started(
     let mut start = series.start(direct, field, &views.training).map_err(failed)?;
     let plan = if start.kind == StartKind::Warm { WARM } else { Plan::default() };
     let before: Scene = start.scene.clone();
-    let report = args.training.train(&mut start.scene, &views, plan, display).map_err(failed)?;
+    let report = args.training.train(&mut start.scene, &views, plan, display).map_err(|e| failed(e.into()))?;
     sources::follow_training(&mut start.scene, &before, series.classifier());
     Ok((start, Some(report)))
 }

@@ -397,7 +397,7 @@ fn the_scene_file_tells_the_orientation_of_its_volume() {
 
 #[test]
 fn help_shows_an_example() {
-    for arguments in [vec!["--help"], vec!["phantom", "--help"]] {
+    for arguments in [vec!["--help"], vec!["phantom", "--help"], vec!["carry", "--help"]] {
         let output = ok(Path::new("."), &arguments);
         assert!(String::from_utf8_lossy(&output.stdout).contains(":\n  supergaussian fit "));
     }
@@ -559,9 +559,8 @@ fn a_series_becomes_a_scene_for_each_step() {
         let path = d.join(format!("series/step-{k:04}/scene.toml"));
         sg_formats::load(&path, &sg_formats::LoadOptions::default()).unwrap().scene
     };
-    let looks: Vec<_> = (0..5)
-        .map(|k| scene(k).units.into_iter().map(|u| (u.name, u.palette, u.values)).collect::<Vec<_>>())
-        .collect();
+    let looks: Vec<_> =
+        (0..5).map(|k| scene(k).units.into_iter().map(|u| (u.name, u.palette, u.values)).collect::<Vec<_>>()).collect();
     assert!(!looks[0].is_empty() && looks.iter().all(|look| *look == looks[0]), "{looks:?}");
     let functions = (0..5).map(|k| std::fs::read(d.join(format!("series/step-{k:04}/automatic.tf.json"))).unwrap());
     assert!(functions.collect::<std::collections::HashSet<_>>().len() == 1);
@@ -578,6 +577,30 @@ fn a_series_becomes_a_scene_for_each_step() {
     let ply = |k: usize| content(&d.join(format!("series/step-{k:04}"))).into_values().collect::<Vec<_>>();
     assert_eq!(ply(1).len(), ply(2).len());
     assert_eq!(scene(1).content_hash(), scene(2).content_hash());
+
+    // A mask follows, step by step or at once.
+    let mask: Vec<u8> = (0..scene(0).len()).map(|i| u8::from(i % 3 == 0)).collect();
+    sg_formats::npy::write_array(&d.join("m.npy"), &[mask.len()], &mask).unwrap();
+    let carry = |arguments: &[&str]| fit(d, &[&["carry", "series/series.toml"], arguments].concat());
+    assert!(carry(&["--mask", "m.npy", "--to", "1", "--out", "m1.npy"]).status.success());
+    assert!(carry(&["--mask", "m1.npy", "--from", "1", "--to", "2", "--out", "m2.npy"]).status.success());
+    assert!(carry(&["--mask", "m.npy", "--to", "2", "--out", "at_once.npy"]).status.success());
+    let found = npy(&d.join("m1.npy"), "|u1");
+    let expected: Vec<u8> =
+        previous(1).iter().map(|p| usize::try_from(*p).map_or(0, |p| u8::from(p % 3 == 0))).collect();
+    assert_eq!(found, expected);
+    assert_eq!(npy(&d.join("m2.npy"), "|u1"), npy(&d.join("at_once.npy"), "|u1"));
+    for (arguments, part) in [
+        (&["--mask", "m.npy", "--to", "5", "--out", "x.npy"][..], "no way from step 0 to 5"),
+        (&["--mask", "m.npy", "--from", "2", "--to", "1", "--out", "x.npy"], "no way from step 2 to 1"),
+        (&["--mask", "m.npy", "--from", "3", "--to", "4", "--out", "x.npy"], "for a scene of 0 Gaussians"),
+        (&["--mask", "m.npy", "--to", "1", "--out", "m.npy"], "the command reads this file"),
+    ] {
+        let refused = carry(arguments);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && said.contains(part) && said.lines().count() == 1, "{said}");
+    }
+    assert!(!d.join("x.npy").exists());
 
     // The same again replaces its own files, and gives the same.
     let scenes = || content(&d.join("series")).into_iter().filter(|(path, _)| !path.ends_with("series.toml"));
@@ -596,7 +619,8 @@ fn files_of_paraview_name_the_steps() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("one.vtk"), block()).unwrap();
-    std::fs::write(d.join("two.vtk"), block().replace("LOOKUP_TABLE default\n3.4", "LOOKUP_TABLE default\n3.6")).unwrap();
+    std::fs::write(d.join("two.vtk"), block().replace("LOOKUP_TABLE default\n3.4", "LOOKUP_TABLE default\n3.6"))
+        .unwrap();
     std::fs::write(
         d.join("flow.pvd"),
         r#"<VTKFile type="Collection"><Collection><DataSet timestep="2" file="two.vtk"/><DataSet timestep="0.5" file="one.vtk"/></Collection></VTKFile>"#,
@@ -656,7 +680,7 @@ fn wrong_steps_end_with_one_line_and_change_nothing() {
     let cases: [(&[&str], &str, &str); 16] = [
         (&[a, b, "cut_16x16x16_float32.raw"], "out", "step 2: cut_16x16x16_float32.raw: expected 16384 bytes"),
         (&[a, "absent_1x1x1_uint8.raw"], "out", "step 1: absent_1x1x1_uint8.raw: No such file"),
-        (&[a, "x.nc"], "out", "step 1: x.nc: content: NetCDF cannot be read"),
+        (&[a, "x.nc"], "out", "step 1: x.nc: content: NetCDF cannot be read; open it in ParaView"),
         (&[a, "block.vtk"], "out", "step 1: block.vtk: a mesh, but step 0 is voxels"),
         (&[a, "small_8x8x8_float32.raw"], "out", "step 1: small_8x8x8_float32.raw: it fills the box"),
         (&["block.vtk", "other.vtk"], "out", "step 1: other.vtk: the quantity `heat`, but step 0 has `distance`"),

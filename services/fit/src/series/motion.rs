@@ -108,10 +108,10 @@ impl<T: Copy + Default + std::ops::Add<Output = T> + std::ops::Mul<f32, Output =
                 })
             })
         };
-        (0..3).filter(|axis| self.dims[*axis] > 1).fold(None, |done: Option<Self>, axis| {
-            Some(along(done.as_ref().unwrap_or(self), axis))
-        })
-        .unwrap_or_else(|| self.clone())
+        (0..3)
+            .filter(|axis| self.dims[*axis] > 1)
+            .fold(None, |done: Option<Self>, axis| Some(along(done.as_ref().unwrap_or(self), axis)))
+            .unwrap_or_else(|| self.clone())
     }
 }
 
@@ -227,7 +227,7 @@ fn flow(first: Lattice<Pair>, second: Lattice<Pair>) -> Lattice<Vec3> {
         for _ in 0..STEPS {
             ways = stepped(first, second, &ways);
         }
-        found = Some(checked(first, second, ways));
+        found = Some(checked(first, second, &ways));
     }
     found.unwrap_or(Lattice { dims: [1; 3], values: vec![Vec3::ZERO] })
 }
@@ -292,7 +292,7 @@ fn stepped(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: &Lattice<Vec3>) 
 }
 
 /// The ways that make the window of their place more alike, or none.
-fn checked(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: Lattice<Vec3>) -> Lattice<Vec3> {
+fn checked(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: &Lattice<Vec3>) -> Lattice<Vec3> {
     let error = |moves: bool| {
         let of = Lattice::filled(first.dims, |place| {
             let i = first.index(place[0], place[1], place[2]);
@@ -311,8 +311,8 @@ fn checked(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: Lattice<Vec3>) -
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use sg_volume::transfer::{ControlPoint, Scale, TransferFunction, Units};
     use sg_volume::Volume;
+    use sg_volume::transfer::{ControlPoint, Scale, TransferFunction, Units};
 
     use super::*;
 
@@ -330,8 +330,7 @@ mod tests {
 
     fn field(size: usize, of: impl Fn(DVec3) -> f64) -> Field {
         let grid = Grid::new([size; 3], DVec3::splat(0.5), DVec3::splat(-3.0), DMat3::IDENTITY).unwrap();
-        let values: Vec<f32> =
-            (0..grid.len()).map(|i| of(grid.to_world(grid.voxel(i).as_dvec3())) as f32).collect();
+        let values: Vec<f32> = (0..grid.len()).map(|i| of(grid.to_world(grid.voxel(i).as_dvec3())) as f32).collect();
         Volume::new(grid, values.into(), None).unwrap().to_field()
     }
 

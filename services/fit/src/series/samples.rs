@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use glam::{DVec3, Vec3};
-use sg_volume::opacity::extinction;
 use sg_volume::grid::GridError;
+use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Field, ScalarFieldRef, Surfaceness};
 
 /// Voxels along the longest side of the grid that stands for a mesh here: for changes of values, never for the scene itself.

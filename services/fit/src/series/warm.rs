@@ -1,5 +1,5 @@
-//! The Gaussians of one time step as the start of the next: moved with what is visible, corrected by the new values, and placed anew
-//! where the new step shows what none of them covers.
+//! The Gaussians of one time step as the start of the next. They move with what is visible, and the new values correct them. Others
+//! come where the new step shows what none of them covers.
 
 use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
@@ -83,7 +83,9 @@ pub(super) fn warm_start(
     let mut uncovered: Vec<(f64, usize, usize)> = Vec::new();
     for (k, (unit, kept)) in direct.units.iter().zip(&kept).enumerate() {
         let there: Vec<DVec3> = match before.units.get(k) {
-            Some(earlier) => kept.iter().map(|(_, of)| earlier.transform.transform_point3(of.position.as_dvec3())).collect(),
+            Some(earlier) => {
+                kept.iter().map(|(_, of)| earlier.transform.transform_point3(of.position.as_dvec3())).collect()
+            }
             None => Vec::new(),
         };
         uncovered.extend(not_covered(unit, &there, origin)?.into_iter().map(|(excess, i)| (excess, k, i)));
@@ -123,10 +125,8 @@ fn corrected(unit: &BaseUnit, i: usize, way: DVec3, [then, now]: [Sampled; 2], s
     let gaussians = &unit.gaussians;
     let none = ShadingColumns::default();
     let shading = gaussians.shading.as_ref().unwrap_or(&none);
-    let (color, normal) = (
-        shading.offset_color.get(i).copied().unwrap_or_default(),
-        shading.normal.get(i).copied().unwrap_or_default(),
-    );
+    let (color, normal) =
+        (shading.offset_color.get(i).copied().unwrap_or_default(), shading.normal.get(i).copied().unwrap_or_default());
     let mut of = Corrected {
         position: gaussians.position[i],
         rotation: gaussians.unit_rotation(i),

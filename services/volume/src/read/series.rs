@@ -33,7 +33,7 @@ pub struct SeriesStep {
 /// Whether the name of a file is that of a series.
 #[must_use]
 pub fn is_series_path(path: &Path) -> bool {
-    let name = super::lower_case_name(path);
+    let name = lower_case_name(path);
     SERIES_ENDINGS.iter().any(|ending| name.ends_with(ending))
 }
 
@@ -44,9 +44,10 @@ pub fn is_series_path(path: &Path) -> bool {
 /// [`ReadError`]: one line with the file, the place in it and a remedy. Also for a time twice (parts of one step), more than
 /// [`MAX_STEPS`], and a name that leads out of the folder of the series.
 pub fn read_series(path: &Path) -> Result<Vec<SeriesStep>, ReadError> {
-    let source = Source { path, limits: Limits { own_folder: true, ..Limits::default() }, variable: None, preferred: None };
+    let source =
+        Source { path, limits: Limits { own_folder: true, ..Limits::default() }, variable: None, preferred: None };
     let text = file::read_text(path, limits::TEXT_BYTES).map_err(|e| source.io(e))?;
-    let named = if super::lower_case_name(path).ends_with(".pvd") { collection(source, &text)? } else { list(source, &text)? };
+    let named = if lower_case_name(path).ends_with(".pvd") { collection(source, &text)? } else { list(source, &text)? };
     if named.is_empty() {
         return Err(source.format("content", "no time step", "name one file at least"));
     }
@@ -79,12 +80,20 @@ pub fn read_series(path: &Path) -> Result<Vec<SeriesStep>, ReadError> {
     Ok(steps)
 }
 
+fn lower_case_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
 /// The file of a name, below the folder of the series.
 fn below(source: Source<'_>, name: &str) -> Result<PathBuf, ReadError> {
     let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if name.is_empty() || !Path::new(name).components().all(inside) {
         let what = "a name that leads out of the folder of the series";
-        return Err(source.format(format!("`{name}`"), what, "put the files beside the series and name them from there"));
+        return Err(source.format(
+            format!("`{name}`"),
+            what,
+            "put the files beside the series and name them from there",
+        ));
     }
     let path = source.beside(name)?;
     if path.is_dir() {
@@ -99,9 +108,9 @@ fn collection(source: Source<'_>, text: &str) -> Result<Vec<(String, Option<f64>
     let mut found = Vec::new();
     let mut is_collection = false;
     loop {
-        let event = reader.read_event().map_err(|e| {
-            source.format(format!("byte {}", reader.error_position()), e.to_string(), "repair the XML")
-        })?;
+        let event = reader
+            .read_event()
+            .map_err(|e| source.format(format!("byte {}", reader.error_position()), e.to_string(), "repair the XML"))?;
         let after = reader.buffer_position() as usize;
         let element = match &event {
             Event::Start(element) | Event::Empty(element) => element,
