@@ -3,5 +3,9 @@
 
 pub mod entropy;
 pub mod frame;
+pub mod lexical;
 pub mod region;
+pub mod relation;
+pub mod text;
 pub mod views;
+pub mod wordnet;

@@ -1,7 +1,7 @@
 //! WordNet's nouns and adjectives in a compact index: synonyms, broader terms, irregular plurals.
 //!
 //! The index is made of WordNet 3.0 (Miller 1995; Fellbaum 1998) by the example `wordnet_index`, and its licence stands beside it.
-//! Packed by Zstandard it holds, after the magic `SGWN0001` and the number of noun synsets (u32), six sections. Each has its length
+//! Packed by Zstandard it holds, after the magic `SGWN0001` and the number of noun synsets (u32), seven sections. Each has its length
 //! in bytes before it (u32). All numbers are little endian.
 //!
 //! 1. Depth of each synset in its tree (u8). Synsets stand in preorder, so the depths give each one its first broader synset.
@@ -9,7 +9,8 @@
 //! 3. Rank of each lemma's sense (u8): 0 is its most frequent meaning.
 //! 4. Further broader synsets: pairs of u32 by columns, the first column as differences.
 //! 5. Adjectives and the nouns that they pertain to, in the same form.
-//! 6. Irregular plurals: plural, tab, singular, line feed.
+//! 6. Parts and the wholes of the same kind, in the same form: the cranium and the skull, both bones.
+//! 7. Irregular plurals: plural, tab, singular, line feed.
 //!
 //! Synsets of adjectives follow those of nouns. The broader synset of an adjective is the head of its cluster.
 
@@ -55,6 +56,7 @@ pub struct WordNet {
     parents: Vec<u32>,
     extra_parents: Vec<(u32, u32)>,
     pertains: Vec<(u32, u32)>,
+    wholes: Vec<(u32, u32)>,
     singulars: HashMap<String, String>,
     nouns: u32,
 }
@@ -90,6 +92,7 @@ impl WordNet {
         let (depths, text, ranks) = (section(&mut rest)?, section(&mut rest)?, section(&mut rest)?);
         let extra_parents = pairs(section(&mut rest)?)?;
         let pertains = pairs(section(&mut rest)?)?;
+        let wholes = pairs(section(&mut rest)?)?;
         let text = utf8(text)?.to_owned();
         let singulars = utf8(section(&mut rest)?)?
             .lines()
@@ -99,13 +102,13 @@ impl WordNet {
         let parents = parents(depths)?;
         let lemmas = lemmas(&text, ranks, parents.len())?;
         let known = |(from, to): &(u32, u32)| (*from as usize) < parents.len() && (*to as usize) < parents.len();
-        if !extra_parents.iter().chain(&pertains).all(known) {
+        if !extra_parents.iter().chain(&pertains).chain(&wholes).all(known) {
             return Err(WordNetError("a pair names an unknown synset".into()));
         }
         let words = HashTable::with_capacity(lemmas.len());
         let hasher = DefaultHashBuilder::default();
         let mut net =
-            Self { text, lemmas, words, hasher, parents, extra_parents, pertains, singulars, nouns };
+            Self { text, lemmas, words, hasher, parents, extra_parents, pertains, wholes, singulars, nouns };
         net.link();
         Ok(net)
     }
@@ -173,6 +176,11 @@ impl WordNet {
     /// The nouns that an adjective pertains to: "renal" to the kidneys.
     pub fn pertains_to(&self, synset: Synset) -> impl Iterator<Item = Synset> {
         of_pairs(&self.pertains, synset.0).map(Synset)
+    }
+
+    /// Wholes of the same kind that a noun is a part of: the cranium of the skull, both bones.
+    pub fn kindred_wholes(&self, synset: Synset) -> impl Iterator<Item = Synset> {
+        of_pairs(&self.wholes, synset.0).map(Synset)
     }
 
     /// The words of a meaning.
@@ -335,8 +343,9 @@ mod tests {
 
     #[test]
     fn words_and_their_meanings() {
-        assert!(share("cranium", "skull") || net().senses("cranium").iter().any(|s| net().broader(s.synset).count() > 0));
-        for (a, b) in [("lorry", "truck"), ("backbone", "vertebral column"), ("windscreen", "windshield"), ("dentin", "dentine")] {
+        let cranium = net().senses("cranium")[0].synset;
+        assert!(net().kindred_wholes(cranium).any(|whole| net().words_of(whole).any(|w| w == "skull")));
+        for (a, b) in [("gear wheel", "gear"), ("backbone", "vertebral column"), ("windscreen", "windshield"), ("dentin", "dentine")] {
             assert!(share(a, b), "{a} {b}");
         }
         assert!(!share("kidney", "liver"));

@@ -13,11 +13,14 @@ struct Synset {
     parents: Vec<usize>,
     /// Nouns that an adjective pertains to: "renal" to "kidney".
     pertains: Vec<usize>,
+    /// Wholes that a noun is a part of.
+    wholes: Vec<usize>,
 }
 
 /// The bytes of the index, unpacked.
 ///
-/// Named instances ("Paris") are left out, and so are names whose last word has a capital ("family Felidae"): labels seldom contain them,
+/// Of the parts of wholes those stay that are of the same kind as the whole, as the cranium and the skull are bones: people use such
+/// words for one another. Named instances ("Paris") are left out, and so are names whose last word has a capital ("family Felidae"): labels seldom contain them,
 /// and misspelled words would find them.
 ///
 /// # Errors
@@ -40,6 +43,7 @@ pub(crate) fn index(folder: &Path) -> Result<Vec<u8>, String> {
     }
     written.pertains.sort_unstable();
     written.extra.sort_unstable();
+    written.wholes.sort_unstable();
     let exceptions = exceptions(folder, &written.words)?;
     Ok(written.bytes(count as u32, &exceptions))
 }
@@ -113,7 +117,7 @@ fn synset(line: &str) -> Option<(usize, Option<Synset>)> {
         }
     }
     let pointers: usize = fields.next()?.parse().ok()?;
-    let mut synset = Synset { lemmas, parents: Vec::new(), pertains: Vec::new() };
+    let mut synset = Synset { lemmas, parents: Vec::new(), pertains: Vec::new(), wholes: Vec::new() };
     let mut is_instance = false;
     for _ in 0..pointers {
         let (symbol, to, part) = (fields.next()?, fields.next()?.parse().ok()?, fields.next()?);
@@ -123,6 +127,7 @@ fn synset(line: &str) -> Option<(usize, Option<Synset>)> {
             ("@", "n") => synset.parents.push(to),
             ("&", "a") if kind == "s" => synset.parents.push(to),
             ("@i", _) => is_instance = true,
+            ("#p", "n") => synset.wholes.push(to),
             ("\\", "n") => synset.pertains.push(to),
             _ => {}
         }
@@ -152,6 +157,7 @@ struct Written {
     ranks: Vec<u8>,
     extra: Vec<(u32, u32)>,
     pertains: Vec<(u32, u32)>,
+    wholes: Vec<(u32, u32)>,
     numbers: HashMap<usize, u32>,
     words: BTreeSet<String>,
 }
@@ -182,6 +188,14 @@ impl Written {
             stack.extend(children.get(&offset).into_iter().flatten().map(|child| (*child, depth.saturating_add(1))));
         }
         for (offset, synset) in &part.synsets {
+            let kin = |whole: &&usize| {
+                part.synsets.get(whole).is_some_and(|w| w.parents.iter().any(|p| synset.parents.contains(p)))
+            };
+            for whole in synset.wholes.iter().filter(kin) {
+                if let (Some(own), Some(whole)) = (self.numbers.get(offset), self.numbers.get(whole)) {
+                    self.wholes.push((*own, *whole));
+                }
+            }
             let first = synset.parents.iter().find(|p| part.synsets.contains_key(p));
             for parent in synset.parents.iter().filter(|p| Some(*p) != first) {
                 if let (Some(child), Some(parent)) = (self.numbers.get(offset), self.numbers.get(parent)) {
@@ -209,6 +223,7 @@ impl Written {
         section(&self.ranks);
         section(&pairs(&self.extra));
         section(&pairs(&self.pertains));
+        section(&pairs(&self.wholes));
         section(exceptions.as_bytes());
         bytes
     }
