@@ -322,6 +322,64 @@ pub fn name_of(color: Color) -> &'static str {
     nearest.map_or("grey", |(name, _)| name)
 }
 
+/// Names of [`DESCRIPTIONS`] and the basic colours of English (Berlin and Kay 1969) that people also call them, the first the likeliest.
+const BASIC: [(&str, &[&str]); 34] = [
+    ("black", &["black"]),
+    ("white", &["white"]),
+    ("grey", &["grey"]),
+    ("dark grey", &["grey", "black"]),
+    ("light grey", &["grey", "white"]),
+    ("red", &["red"]),
+    ("dark red", &["red", "brown"]),
+    ("salmon", &["pink", "orange", "red"]),
+    ("coral", &["orange", "red", "pink"]),
+    ("pink", &["pink"]),
+    ("deep pink", &["pink"]),
+    ("maroon", &["red", "brown"]),
+    ("orange", &["orange"]),
+    ("gold", &["yellow", "orange"]),
+    ("yellow", &["yellow"]),
+    ("khaki", &["yellow", "brown"]),
+    ("beige", &["white", "brown"]),
+    ("brown", &["brown"]),
+    ("tan", &["brown"]),
+    ("olive", &["green", "brown"]),
+    ("green", &["green"]),
+    ("lime", &["green"]),
+    ("light green", &["green"]),
+    ("forest green", &["green"]),
+    ("teal", &["green", "blue"]),
+    ("turquoise", &["blue", "green"]),
+    ("cyan", &["blue"]),
+    ("sky blue", &["blue"]),
+    ("light blue", &["blue"]),
+    ("blue", &["blue"]),
+    ("navy", &["blue"]),
+    ("purple", &["purple"]),
+    ("violet", &["purple", "pink"]),
+    ("magenta", &["pink", "purple"]),
+];
+
+/// What a name that is not the likeliest one adds to a distance in Oklab.
+const LESS_LIKELY: f32 = 0.03;
+
+/// Distances in Oklab from a colour: to the nearest colour that people call by a basic name (black, white, grey, red, green, blue,
+/// yellow, orange, brown, purple, pink), and to the nearest of any basic name. The first is infinite for another name.
+#[must_use]
+pub fn basic_distances(name: &str, color: Color) -> (f32, f32) {
+    let lab = oklab(color);
+    let (mut own, mut nearest) = (f32::INFINITY, f32::INFINITY);
+    for (described, other) in DESCRIBED.iter() {
+        let distance = apart(*other, lab).sqrt();
+        nearest = nearest.min(distance);
+        let names = BASIC.iter().find(|(d, _)| d == described).map_or(&[][..], |(_, names)| names);
+        if let Some(place) = names.iter().position(|n| *n == name) {
+            own = own.min(distance + if place == 0 { 0.0 } else { LESS_LIKELY });
+        }
+    }
+    (own, nearest)
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
@@ -380,6 +438,21 @@ mod tests {
             let of = |phrase: &str| name_of(from_phrase(phrase).unwrap());
             assert_eq!((of(tone), of(&format!("pure {tone}"))), (*tone, *tone));
         }
+    }
+
+    #[test]
+    fn basic_names_of_colours() {
+        assert!(BASIC.iter().map(|(name, _)| *name).eq(DESCRIPTIONS));
+        let is = |name: &str, hex: &str| {
+            let (own, nearest) = basic_distances(name, from_phrase(hex).unwrap());
+            own <= nearest
+        };
+        for (name, hex) in [("red", "#e01010"), ("blue", "#1838e0"), ("white", "#fafafa"), ("pink", "#f0a0b8"), ("grey", "#808080")] {
+            assert!(is(name, hex), "{name} {hex}");
+        }
+        assert!(!is("green", "#e01010") && !is("black", "#fafafa"));
+        assert!(is("blue", "#40e0d0") || basic_distances("blue", from_phrase("#40e0d0").unwrap()).0 < 0.05, "turquoise");
+        assert_eq!(basic_distances("beautiful", [0.0; 3]).0, f32::INFINITY);
     }
 
     /// Shading shows a shape only in channels that are neither 0 nor 1.

@@ -1,6 +1,7 @@
 //! Which unit a text means, without a neural network: views, attributes, words.
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test fails by panicking"))]
 
+pub mod attributes;
 pub mod entropy;
 pub mod frame;
 pub mod lexical;
