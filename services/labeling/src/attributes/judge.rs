@@ -232,7 +232,7 @@ mod tests {
             unit(DVec3::new(-5.0, 0.0, 0.0), DVec3::splat(3.0), RED, 0.9),
             unit(DVec3::new(5.0, 0.0, 0.0), DVec3::splat(1.0), RED, 0.9),
             unit(DVec3::new(0.0, 5.0, 0.0), DVec3::new(8.0, 0.5, 0.5), BLUE, 0.1),
-            unit(DVec3::new(0.0, -5.0, 1.0), DVec3::new(9.0, 0.3, 9.0), BLUE, 0.9),
+            unit(DVec3::new(0.0, -5.0, 1.0), DVec3::new(12.0, 0.3, 12.0), BLUE, 0.9),
             None,
         ];
         Looks::new(units, Frame::XYZ)

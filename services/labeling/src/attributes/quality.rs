@@ -100,7 +100,7 @@ use Quality::{
 };
 
 /// Words with their quality. Several words are parted by a space.
-const PLAIN: [(&str, Quality); 96] = [
+const PLAIN: [(&str, Quality); 94] = [
     ("large", Large),
     ("big", Large),
     ("huge", Large),
@@ -180,8 +180,6 @@ const PLAIN: [(&str, Quality); 96] = [
     ("opaque", Opaque),
     ("solid", Opaque),
     ("dense", Dense),
-    ("densest", Dense),
-    ("compactest", Dense),
     ("sparse", Sparse),
     ("loose", Sparse),
     ("thinned out", Sparse),
@@ -200,7 +198,7 @@ const PLAIN: [(&str, Quality); 96] = [
 ];
 
 /// Superlatives with their quality.
-const MOST: [(&str, Quality); 52] = [
+const MOST: [(&str, Quality); 53] = [
     ("largest", Large),
     ("biggest", Large),
     ("greatest", Large),
@@ -249,6 +247,7 @@ const MOST: [(&str, Quality); 52] = [
     ("faintest", Transparent),
     ("most opaque", Opaque),
     ("sparsest", Sparse),
+    ("densest", Dense),
     ("darkest", Dark),
     ("brightest", Bright),
     ("lightest", Bright),
@@ -256,7 +255,7 @@ const MOST: [(&str, Quality); 52] = [
 ];
 
 /// Nouns that name a shape, with its quality where it has one. A label with that noun goes first.
-const SHAPES: [(&str, Option<Quality>); 36] = [
+const SHAPES: [(&str, Option<Quality>); 34] = [
     ("ball", Some(Round)),
     ("sphere", Some(Round)),
     ("blob", Some(Round)),
@@ -291,8 +290,6 @@ const SHAPES: [(&str, Option<Quality>); 36] = [
     ("mass", None),
     ("spot", None),
     ("bit", None),
-    ("band", None),
-    ("wheel", None),
 ];
 
 /// The eleven basic colours of English (Berlin and Kay 1969), and words of the same meaning.

@@ -1,0 +1,211 @@
+//! Scores of the items for a query, and the outcome.
+
+use crate::attributes::judge::{FITS, Looks};
+use crate::attributes::quality::{self, Constraint, Look};
+use crate::lexical::{Index, LexicalMatch};
+use crate::query::parse::{Group, Number, Query, parse};
+use crate::query::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
+
+/// Least score of a noun for an item to be judged by its look.
+const NAMED: f64 = 0.4;
+/// Score of an item that only its look speaks for, at full membership.
+const BY_LOOK: f64 = 0.95;
+/// What a look counts that just fits, of one that fits fully.
+const JUST_FITS: f64 = 0.75;
+/// What is left of a score for each look that does not fit.
+const UNFIT: f64 = 0.35;
+
+/// The outcome of a text.
+pub(super) fn find(index: &Index, looks: &Looks, text: &str) -> Outcome {
+    let nothing = |why| Outcome::NothingMatches { best: None, why };
+    if index.is_empty() {
+        return nothing(Why::NoItems);
+    }
+    let query = parse(text, index.net());
+    if query.groups.is_empty() {
+        return nothing(Why::NoWords);
+    }
+    let mut ranked = wanted(index, looks, &query);
+    let is_excluded = excluded(index, looks, &query, &ranked);
+    let had_match = ranked.iter().any(|r| r.score >= THRESHOLD);
+    ranked.retain(|r| !is_excluded.get(r.item).copied().unwrap_or_default());
+    if query.excluded.is_empty() {
+        outcome(ranked, &query, index)
+    } else if had_match && !ranked.iter().any(|r| r.score >= THRESHOLD) {
+        Outcome::NothingMatches { best: ranked.into_iter().next(), why: Why::AllExcluded }
+    } else {
+        for item in &mut ranked {
+            item.by_exclusion = true;
+        }
+        outcome(ranked, &query, index)
+    }
+}
+
+/// The items by falling score, each by the group that suits it best.
+fn wanted(index: &Index, looks: &Looks, query: &Query) -> Vec<Ranked> {
+    let mut best: Vec<Option<Ranked>> = vec![None; index.len()];
+    for group in &query.groups {
+        for ranked in of_group(index, looks, group, None) {
+            let at = ranked.item;
+            if best.get(at).is_some_and(|b| b.as_ref().is_none_or(|b| ranked.score > b.score)) {
+                best[at] = Some(ranked);
+            }
+        }
+    }
+    let mut ranked: Vec<Ranked> = best.into_iter().flatten().collect();
+    ranked.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.item.cmp(&b.item)));
+    ranked
+}
+
+/// For each item, whether the query excludes it. Places and sizes are judged among what the query asks for.
+fn excluded(index: &Index, looks: &Looks, query: &Query, ranked: &[Ranked]) -> Vec<bool> {
+    let mut excluded = vec![false; index.len()];
+    let mut asked: Vec<usize> = ranked.iter().filter(|r| r.score >= THRESHOLD).map(|r| r.item).collect();
+    asked.sort_unstable();
+    for group in &query.excluded {
+        let found = of_group(index, looks, group, Some(&asked));
+        for item in found.into_iter().filter(|r| r.score >= THRESHOLD) {
+            if let Some(own) = excluded.get_mut(item.item) {
+                *own = true;
+            }
+        }
+    }
+    excluded
+}
+
+fn outcome(ranked: Vec<Ranked>, query: &Query, index: &Index) -> Outcome {
+    let best = ranked.first().map_or(0.0, |r| r.score);
+    if best < THRESHOLD {
+        return Outcome::NothingMatches { why: why(&ranked, query, index), best: ranked.into_iter().next() };
+    }
+    let least = match query.number {
+        Number::Several if query.groups.len() > 1 => THRESHOLD,
+        Number::Several => best - SPREAD,
+        Number::One => best - LEAD,
+    };
+    let found: Vec<Ranked> = ranked.into_iter().filter(|r| r.score >= least.max(THRESHOLD)).collect();
+    match query.number {
+        Number::One if found.len() > 1 => Outcome::Ambiguous { candidates: found },
+        _ => Outcome::Match { items: found },
+    }
+}
+
+fn why(ranked: &[Ranked], query: &Query, index: &Index) -> Why {
+    let Some(group) = query.groups.first() else { return Why::NoWords };
+    let noun = group.nouns.words.join(" ");
+    let is_named = || index.matches(&group.nouns).iter().flatten().any(|m| m.score >= THRESHOLD);
+    if group.constraints.is_empty() || !(noun.is_empty() || ranked.iter().any(|r| !r.unfit.is_empty()) && is_named()) {
+        Why::NoSuchLabel(if noun.is_empty() { group.look() } else { noun })
+    } else {
+        Why::NoSuchLook { noun, look: group.look() }
+    }
+}
+
+/// The items that a group speaks for. `among` are the items that looks are judged among; by default those that the noun suits.
+fn of_group(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
+    if group.universal {
+        let all = |item| Ranked { score: 1.0, ..unranked(item) };
+        return (0..index.len()).map(all).collect();
+    }
+    let named = by_name(index, looks, group, among);
+    let suits = |ranked: &[Ranked]| ranked.iter().any(|r| r.score >= THRESHOLD);
+    match group.by_shape(index.net()) {
+        Some(shape) if !suits(&named) => {
+            let shaped = by_name(index, looks, &shape, among);
+            if suits(&shaped) { shaped } else { named }
+        }
+        _ => named,
+    }
+}
+
+fn unranked(item: usize) -> Ranked {
+    Ranked { item, score: 0.0, evidence: Vec::new(), looks: Vec::new(), unfit: Vec::new(), by_exclusion: false }
+}
+
+fn by_name(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
+    let mut ranked = by_noun_and_look(index, looks, group, among);
+    if group.constraints.is_empty() || group.whole.is_empty() {
+        return ranked;
+    }
+    // A label may contain the words of the looks: "grey matter", "left kidney".
+    for (item, found) in index.matches(&group.whole).into_iter().enumerate() {
+        let Some(found) = found.filter(|f| covers_looks(f, group)) else { continue };
+        match ranked.iter_mut().find(|r| r.item == item) {
+            Some(known) if known.score >= found.score => {}
+            Some(known) => *known = Ranked { score: found.score, evidence: found.evidence, ..unranked(item) },
+            None => ranked.push(Ranked { score: found.score, evidence: found.evidence, ..unranked(item) }),
+        }
+    }
+    ranked
+}
+
+/// Whether the label has every word that states a look.
+fn covers_looks(found: &LexicalMatch, group: &Group) -> bool {
+    group.is_look.iter().zip(&found.covered).all(|(is_look, covered)| !is_look || *covered)
+}
+
+/// Items that the noun suits, judged by their looks.
+fn by_noun_and_look(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
+    let mut ranked: Vec<Ranked> = if group.nouns.is_empty() {
+        if group.constraints.is_empty() {
+            return if group.has_noun { (0..index.len()).map(|i| Ranked { score: THRESHOLD, ..unranked(i) }).collect() } else { Vec::new() };
+        }
+        (0..index.len()).map(|item| Ranked { score: BY_LOOK, ..unranked(item) }).collect()
+    } else {
+        let found = index.matches(&group.nouns).into_iter().enumerate();
+        found
+            .filter_map(|(item, found)| {
+                let found = found?;
+                Some(Ranked { score: found.score, evidence: found.evidence, ..unranked(item) })
+            })
+            .collect()
+    };
+    // First the looks of each alone, then those beside the others, at last the superlatives: "the largest small red one".
+    let order = |c: &&Constraint| match (&c.look, c.superlative) {
+        (_, true) => 2,
+        (Look::Quality(quality), _) if !quality.is_absolute() => 1,
+        _ => 0,
+    };
+    let mut constraints: Vec<&Constraint> = group.constraints.iter().collect();
+    constraints.sort_by_key(order);
+    for step in 0..=2 {
+        let own: Vec<&Constraint> = constraints.iter().copied().filter(|c| order(c) == step).collect();
+        let mut candidates: Vec<usize> =
+            ranked.iter().filter(|r| r.score >= NAMED && r.unfit.is_empty()).map(|r| r.item).collect();
+        if let Some(among) = among.filter(|_| step > 0) {
+            candidates.retain(|item| among.contains(item));
+        }
+        for constraint in own {
+            let memberships = looks.memberships(constraint, &candidates);
+            for item in &mut ranked {
+                let by_look = candidates.iter().position(|c| *c == item.item).and_then(|at| memberships.get(at));
+                let membership = by_label(index, item.item, constraint).or(by_look.copied()).unwrap_or(0.0);
+                if membership >= FITS {
+                    item.score *= JUST_FITS + (1.0 - JUST_FITS) * (membership - FITS) / (1.0 - FITS);
+                    item.looks.push(constraint.words.clone());
+                } else {
+                    item.score *= UNFIT;
+                    item.unfit.push(constraint.words.clone());
+                }
+            }
+        }
+    }
+    ranked
+}
+
+/// What an item's label says about a place: a left kidney is left wherever it is drawn.
+fn by_label(index: &Index, item: usize, constraint: &Constraint) -> Option<f64> {
+    let Look::Quality(quality) = constraint.look else { return None };
+    if constraint.superlative {
+        return None;
+    }
+    index.words_of(item).iter().filter_map(|word| quality::place(word)).find_map(|place| {
+        if place == quality {
+            Some(1.0)
+        } else if Some(place) == quality.opposite_place() {
+            Some(0.0)
+        } else {
+            None
+        }
+    })
+}
