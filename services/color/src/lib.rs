@@ -309,17 +309,30 @@ fn colors_of(name: &str) -> impl Iterator<Item = Color> {
     from_phrase(name).into_iter().chain(css)
 }
 
-/// Names and their colours in Oklab.
-static DESCRIBED: LazyLock<Vec<(&'static str, [f32; 3])>> = LazyLock::new(|| {
-    DESCRIPTIONS.iter().flat_map(|name| colors_of(name).map(|color| (*name, oklab(color)))).collect()
+/// An everyday name with a colour of that name.
+struct Described {
+    name: &'static str,
+    lab: [f32; 3],
+    /// Basic names of it, the likeliest first. Empty for colours without hue.
+    basic: &'static [&'static str],
+}
+
+static DESCRIBED: LazyLock<Vec<Described>> = LazyLock::new(|| {
+    let described = |name: &'static str, color: Color| {
+        let lab = oklab(color);
+        let names = BASIC.iter().find(|(described, _)| *described == name).map_or(&[][..], |(_, names)| names);
+        let has_hue = lab[1].hypot(lab[2]) > 1e-3;
+        Described { name, lab, basic: if has_hue { names } else { &[] } }
+    };
+    DESCRIPTIONS.iter().flat_map(|name| colors_of(name).map(|color| described(name, color))).collect()
 });
 
 /// The nearest everyday name of a colour, by distance in Oklab.
 #[must_use]
 pub fn name_of(color: Color) -> &'static str {
     let lab = oklab(color);
-    let nearest = DESCRIBED.iter().min_by(|(_, a), (_, b)| apart(*a, lab).total_cmp(&apart(*b, lab)));
-    nearest.map_or("grey", |(name, _)| name)
+    let nearest = DESCRIBED.iter().min_by(|a, b| apart(a.lab, lab).total_cmp(&apart(b.lab, lab)));
+    nearest.map_or("grey", |described| described.name)
 }
 
 /// Names of [`DESCRIPTIONS`] and the basic colours of English (Berlin and Kay 1969) that people also call them, the first the likeliest.
@@ -360,20 +373,43 @@ const BASIC: [(&str, &[&str]); 34] = [
     ("magenta", &["pink", "purple"]),
 ];
 
+/// Names without hue, and the range of lightness in which people use them.
+const NEUTRAL: [(&str, f32, f32); 3] = [("black", 0.0, 0.25), ("grey", 0.35, 0.85), ("white", 0.93, 1.0)];
 /// What a name that is not the likeliest one adds to a distance in Oklab.
 const LESS_LIKELY: f32 = 0.03;
+/// How much the saturation of HSV counts against a name without hue: dark colours have little chroma, and are red or blue still.
+const SATURATION: f32 = 0.2;
+/// How much lightness counts beside hue and chroma: a dark red is still red.
+const LIGHTNESS: f32 = 0.5;
 
-/// Distances in Oklab from a colour: to the nearest colour that people call by a basic name (black, white, grey, red, green, blue,
-/// yellow, orange, brown, purple, pink), and to the nearest of any basic name. The first is infinite for another name.
+/// Least brightest channel at which hue is judged: darker colours are judged as if they were lit.
+const LIT: f32 = 0.5;
+
+/// How far a colour is from what people call by a basic name (black, white, grey, red, green, blue, yellow, orange, brown, purple,
+/// pink), and from the nearest of all basic names. Both are distances in Oklab in which lightness counts half. Black, grey and white
+/// are ranges of lightness without hue. The first distance is infinite for another name.
 #[must_use]
 pub fn basic_distances(name: &str, color: Color) -> (f32, f32) {
-    let lab = oklab(color);
+    let [lightness, green_red, blue_yellow] = oklab(color);
+    let brightest = color.iter().copied().fold(0.0, f32::max);
+    let saturation = if brightest > 0.0 { 1.0 - color.iter().copied().fold(1.0, f32::min) / brightest } else { 0.0 };
+    // A black colour has any saturation by rounding.
+    let chroma = green_red.hypot(blue_yellow).max(SATURATION * saturation * (brightest / 0.2).min(1.0));
     let (mut own, mut nearest) = (f32::INFINITY, f32::INFINITY);
-    for (described, other) in DESCRIBED.iter() {
-        let distance = apart(*other, lab).sqrt();
+    for (neutral, least, most) in NEUTRAL {
+        let distance = chroma.hypot(LIGHTNESS * (lightness - lightness.clamp(least, most)));
         nearest = nearest.min(distance);
-        let names = BASIC.iter().find(|(d, _)| d == described).map_or(&[][..], |(_, names)| names);
-        if let Some(place) = names.iter().position(|n| *n == name) {
+        if neutral == name {
+            own = own.min(distance);
+        }
+    }
+    let gain = if brightest > 0.0 { (LIT / brightest).max(1.0) } else { 1.0 };
+    let [lightness, green_red, blue_yellow] = oklab(color.map(|c| c * gain));
+    for described in DESCRIBED.iter().filter(|d| !d.basic.is_empty()) {
+        let [l, a, b] = described.lab;
+        let distance = (green_red - a).hypot(blue_yellow - b).hypot(LIGHTNESS * (lightness - l));
+        nearest = nearest.min(distance);
+        if let Some(place) = described.basic.iter().position(|n| *n == name) {
             own = own.min(distance + if place == 0 { 0.0 } else { LESS_LIKELY });
         }
     }
@@ -447,10 +483,10 @@ mod tests {
             let (own, nearest) = basic_distances(name, from_phrase(hex).unwrap());
             own <= nearest
         };
-        for (name, hex) in [("red", "#e01010"), ("blue", "#1838e0"), ("white", "#fafafa"), ("pink", "#f0a0b8"), ("grey", "#808080")] {
+        for (name, hex) in [("red", "#e01010"), ("blue", "#1838e0"), ("white", "#fafafa"), ("pink", "#f0a0b8"), ("grey", "#808080"), ("grey", "#b8b8c0"), ("black", "#202020"), ("black", "#050004"), ("brown", "#6b4423"), ("brown", "#3a2618"), ("red", "#502020")] {
             assert!(is(name, hex), "{name} {hex}");
         }
-        assert!(!is("green", "#e01010") && !is("black", "#fafafa"));
+        assert!(!is("green", "#e01010") && !is("black", "#fafafa") && !is("blue", "#a8a8b0") && !is("green", "#505860") && !is("red", "#6b4423") && !is("grey", "#502020"));
         assert!(is("blue", "#40e0d0") || basic_distances("blue", from_phrase("#40e0d0").unwrap()).0 < 0.05, "turquoise");
         assert_eq!(basic_distances("beautiful", [0.0; 3]).0, f32::INFINITY);
     }

@@ -21,8 +21,10 @@ const MAX_SENSES: usize = 6;
 const MAX_STEPS: u8 = 6;
 /// Most steps to a narrower meaning: farther ones are other things.
 const MAX_NARROWER: u8 = 2;
-/// Meanings with fewer broader ones above them are too general to identify a thing: "object", "artifact", "body part".
-const MIN_DEPTH: usize = 5;
+/// Meanings with more narrower ones are too general to identify a thing: "object", "artifact", "organism".
+const MAX_GENERALITY: usize = 6000;
+/// Fewest letters of either part of a word that is written together.
+const MIN_PART: usize = 3;
 /// Share of a phrase that its head counts; the other words share the rest.
 const HEAD_SHARE: f64 = 0.6;
 /// What a match counts in which the label's head takes no part: "artery" to "artery clip".
@@ -57,6 +59,8 @@ struct Term {
     senses: Vec<Sense>,
     /// Codes of the sound; empty for words that are short or not English letters.
     sounds: Vec<String>,
+    /// Last parts of a word that is written together, by dictionary forms: "shaft" of "crankshaft".
+    endings: Vec<String>,
     is_single: bool,
 }
 
@@ -81,6 +85,10 @@ pub struct Index {
     by_text: HashMap<String, usize>,
     by_joined: HashMap<String, Vec<usize>>,
     by_stem: HashMap<String, Vec<usize>>,
+    by_form: HashMap<String, Vec<usize>>,
+    by_ending: HashMap<String, Vec<usize>>,
+    /// Terms of one word.
+    single: Vec<usize>,
     /// Terms with a meaning, and terms with a broader meaning, with its steps.
     by_synset: HashMap<Synset, Vec<(usize, u8, u8)>>,
     letters: Letters,
@@ -105,6 +113,9 @@ impl Index {
             by_text: HashMap::new(),
             by_joined: HashMap::new(),
             by_stem: HashMap::new(),
+            by_form: HashMap::new(),
+            by_ending: HashMap::new(),
+            single: Vec::new(),
             by_synset: HashMap::new(),
             letters: Letters {
                 stemmer: Stemmer::create(Algorithm::English),
@@ -158,6 +169,15 @@ impl Index {
         self.by_text.insert(text.to_owned(), at);
         self.by_joined.entry(term.joined.clone()).or_default().push(at);
         self.by_stem.entry(term.stem.clone()).or_default().push(at);
+        for form in &term.forms {
+            self.by_form.entry(form.clone()).or_default().push(at);
+        }
+        for ending in &term.endings {
+            self.by_ending.entry(ending.clone()).or_default().push(at);
+        }
+        if is_single {
+            self.single.push(at);
+        }
         for sense in &term.senses {
             for (synset, steps) in above(self.net, sense.synset, MAX_STEPS) {
                 self.by_synset.entry(synset).or_default().push((at, steps, sense.rank));
@@ -211,17 +231,15 @@ impl Index {
             offer(*at, Relation::Inflection, 1.0);
         }
         for form in &query.forms {
-            if let Some(at) = self.by_text.get(form) {
+            for at in self.by_form.get(form).into_iter().flatten() {
                 offer(*at, Relation::Inflection, 1.0);
             }
-        }
-        for (at, term) in self.terms.iter().enumerate() {
-            if term.forms.iter().any(|f| query.forms.contains(f)) {
-                offer(at, Relation::Inflection, 1.0);
+            for at in self.by_ending.get(form).into_iter().flatten().filter(|_| query.is_single) {
+                offer(*at, Relation::Ending, 1.0);
             }
         }
         for sense in &query.senses {
-            let is_general = depth(self.net, sense.synset) < MIN_DEPTH && self.net.is_noun(sense.synset);
+            let is_general = self.net.generality(sense.synset) > MAX_GENERALITY;
             for (at, steps, rank) in self.by_synset.get(&sense.synset).into_iter().flatten() {
                 let factor = commonness(sense.rank) * commonness(*rank);
                 match steps {
@@ -246,9 +264,9 @@ impl Index {
             }
         }
         if query.is_single {
-            for (at, term) in self.terms.iter().enumerate().filter(|(_, t)| t.is_single) {
-                if let Some(relation) = misspelling(query, term) {
-                    offer(at, relation, 1.0);
+            for at in &self.single {
+                if let Some(relation) = self.terms.get(*at).and_then(|term| misspelling(query, term)) {
+                    offer(*at, relation, 1.0);
                 }
             }
         }
@@ -312,7 +330,10 @@ impl Index {
         }
         let unused = used.iter().filter(|u| !**u).count();
         let is_special = evidence.iter().any(|e| matches!(e.relation, Relation::Narrower(_)));
-        if unused > 0 && (is_special || covered.contains(&false)) {
+        let is_general = evidence.iter().any(|e| matches!(e.relation, Relation::Broader(_) | Relation::Ending));
+        let lacks = covered.contains(&false);
+        // A broader term with a description asks for one kind, which the label need not be: "nasal bone" to "rib".
+        if unused > 0 && (is_special || lacks) || lacks && is_general {
             score *= CONFLICT;
         }
         score *= EXTRA_WORD.powi(unused as i32);
@@ -347,11 +368,6 @@ fn above(net: &WordNet, synset: Synset, most: u8) -> Vec<(Synset, u8)> {
     found
 }
 
-/// Number of meanings above one, by its first broader meanings.
-fn depth(net: &WordNet, synset: Synset) -> usize {
-    std::iter::successors(Some(synset), |at| net.broader(*at).next()).take(32).count() - 1
-}
-
 impl Term {
     fn new(text: &str, is_single: bool, net: &WordNet, letters: &Letters) -> Self {
         let forms = net.dictionary_forms(text);
@@ -372,8 +388,18 @@ impl Term {
                 }
             }
         }
-        Self { text: text.to_owned(), joined: text.replace(' ', ""), stem, forms, senses, sounds, is_single }
+        let endings = if is_plain { endings(text, net) } else { Vec::new() };
+        Self { text: text.to_owned(), joined: text.replace(' ', ""), stem, forms, senses, sounds, endings, is_single }
     }
+}
+
+/// The last parts of a word whose first parts are words as well.
+fn endings(text: &str, net: &WordNet) -> Vec<String> {
+    let cuts = MIN_PART..(text.len() + 1).saturating_sub(MIN_PART);
+    cuts.filter_map(|at| text.split_at_checked(at))
+        .filter(|(first, _)| net.contains(first))
+        .flat_map(|(_, last)| net.dictionary_forms(last))
+        .collect()
 }
 
 /// Whether one word may be a wrong spelling of another.

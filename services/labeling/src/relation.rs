@@ -17,6 +17,8 @@ pub enum Relation {
     Pertains,
     /// A part of the same kind as the label: "cranium" to "skull", both bones.
     Part,
+    /// The last part of a word that is written together: "shaft" to "crankshaft".
+    Ending,
     /// The query's word is more general, by this many steps: "blood vessel" to "artery".
     Broader(u8),
     /// The query's word is more special, by this many steps: "artery" to "blood vessel".
@@ -40,6 +42,7 @@ impl Relation {
             Self::Synonym => 0.92,
             Self::Pertains => 0.85,
             Self::Part => 0.75,
+            Self::Ending => 0.75,
             Self::Broader(steps) => (0.9 - 0.04 * f64::from(steps)).max(0.55),
             Self::Narrower(steps) => (0.68 - 0.09 * f64::from(steps)).max(0.0),
             Self::Spelling(edits) => (0.92 - 0.08 * f64::from(edits)).max(0.0),
@@ -57,6 +60,7 @@ impl fmt::Display for Relation {
             Self::Synonym => "synonym",
             Self::Pertains => "adjective of the noun",
             Self::Part => "part of the same kind",
+            Self::Ending => "end of the word",
             Self::Broader(_) => "broader term",
             Self::Narrower(_) => "narrower term",
             Self::Spelling(_) => "spelling",

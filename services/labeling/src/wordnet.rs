@@ -54,6 +54,8 @@ pub struct WordNet {
     words: HashTable<u32>,
     hasher: DefaultHashBuilder,
     parents: Vec<u32>,
+    /// Number of narrower meanings by first broader meanings, itself included.
+    sizes: Vec<u32>,
     extra_parents: Vec<(u32, u32)>,
     pertains: Vec<(u32, u32)>,
     wholes: Vec<(u32, u32)>,
@@ -100,6 +102,13 @@ impl WordNet {
             .map(|(plural, singular)| (plural.to_owned(), singular.to_owned()))
             .collect();
         let parents = parents(depths)?;
+        let mut sizes = vec![1_u32; parents.len()];
+        for (at, parent) in parents.iter().enumerate().rev() {
+            let own = sizes.get(at).copied().unwrap_or_default();
+            if let Some(above) = sizes.get_mut(*parent as usize) {
+                *above += own;
+            }
+        }
         let lemmas = lemmas(&text, ranks, parents.len())?;
         let known = |(from, to): &(u32, u32)| (*from as usize) < parents.len() && (*to as usize) < parents.len();
         if !extra_parents.iter().chain(&pertains).chain(&wholes).all(known) {
@@ -108,7 +117,7 @@ impl WordNet {
         let words = HashTable::with_capacity(lemmas.len());
         let hasher = DefaultHashBuilder::default();
         let mut net =
-            Self { text, lemmas, words, hasher, parents, extra_parents, pertains, wholes, singulars, nouns };
+            Self { text, lemmas, words, hasher, parents, sizes, extra_parents, pertains, wholes, singulars, nouns };
         net.link();
         Ok(net)
     }
@@ -171,6 +180,12 @@ impl WordNet {
     pub fn broader(&self, synset: Synset) -> impl Iterator<Item = Synset> {
         let first = self.parents.get(synset.0 as usize).copied().filter(|p| *p != NONE);
         first.into_iter().chain(of_pairs(&self.extra_parents, synset.0)).map(Synset)
+    }
+
+    /// How general a meaning is: the number of narrower ones, itself included.
+    #[must_use]
+    pub fn generality(&self, synset: Synset) -> usize {
+        self.sizes.get(synset.0 as usize).map_or(0, |size| *size as usize)
     }
 
     /// The nouns that an adjective pertains to: "renal" to the kidneys.
@@ -368,6 +383,9 @@ mod tests {
             }
             assert_eq!(at, entity, "{lemma}");
         }
+        let general = |lemma: &str| net().generality(net().senses(lemma)[0].synset);
+        assert!(general("entity") > general("artifact") && general("artifact") > general("vehicle"));
+        assert_eq!(general("gallbladder"), 1, "nothing is more special");
         let renal = net().senses("renal")[0].synset;
         assert!(net().pertains_to(renal).any(|n| net().words_of(n).any(|w| w == "kidney")));
         let rear = net().senses("rear");

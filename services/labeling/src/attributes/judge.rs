@@ -207,7 +207,7 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
 /// How well a basic colour's name fits a colour: by how much nearer another basic colour is in Oklab.
 fn basic_color(name: &str, color: [f32; 3]) -> f64 {
     let (own, nearest) = sg_color::basic_distances(name, color);
-    ramp(f64::from(own - nearest), 0.09, 0.0)
+    ramp(f64::from(own - nearest), 0.07, 0.0)
 }
 
 #[cfg(test)]

@@ -101,7 +101,7 @@ fn why(ranked: &[Ranked], query: &Query, index: &Index) -> Why {
     }
 }
 
-/// The items that a group speaks for. `among` are the items that looks are judged among; by default those that the noun suits.
+/// The items that a group speaks for. `among` are the items that looks are judged among, in rising order; by default those that the noun suits.
 fn of_group(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
     if group.universal {
         let all = |item| Ranked { score: 1.0, ..unranked(item) };
@@ -128,12 +128,22 @@ fn by_name(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>)
         return ranked;
     }
     // A label may contain the words of the looks: "grey matter", "left kidney".
-    for (item, found) in index.matches(&group.whole).into_iter().enumerate() {
-        let Some(found) = found.filter(|f| covers_looks(f, group)) else { continue };
-        match ranked.iter_mut().find(|r| r.item == item) {
-            Some(known) if known.score >= found.score => {}
-            Some(known) => *known = Ranked { score: found.score, evidence: found.evidence, ..unranked(item) },
-            None => ranked.push(Ranked { score: found.score, evidence: found.evidence, ..unranked(item) }),
+    let whole = index.matches(&group.whole);
+    for known in &mut ranked {
+        let found = whole.get(known.item).and_then(Option::as_ref).filter(|f| covers_looks(f, group));
+        if let Some(found) = found.filter(|f| f.score > known.score) {
+            *known = Ranked { score: found.score, evidence: found.evidence.clone(), ..unranked(known.item) };
+        }
+    }
+    let mut is_known = vec![false; index.len()];
+    for own in &ranked {
+        if let Some(known) = is_known.get_mut(own.item) {
+            *known = true;
+        }
+    }
+    for (item, found) in whole.into_iter().enumerate().filter(|(item, _)| is_known.get(*item) == Some(&false)) {
+        if let Some(found) = found.filter(|f| covers_looks(f, group)) {
+            ranked.push(Ranked { score: found.score, evidence: found.evidence, ..unranked(item) });
         }
     }
     ranked
@@ -173,13 +183,18 @@ fn by_noun_and_look(index: &Index, looks: &Looks, group: &Group, among: Option<&
         let mut candidates: Vec<usize> =
             ranked.iter().filter(|r| r.score >= NAMED && r.unfit.is_empty()).map(|r| r.item).collect();
         if let Some(among) = among.filter(|_| step > 0) {
-            candidates.retain(|item| among.contains(item));
+            candidates.retain(|item| among.binary_search(item).is_ok());
         }
         for constraint in own {
-            let memberships = looks.memberships(constraint, &candidates);
+            let mut memberships = vec![None; index.len()];
+            for (candidate, membership) in candidates.iter().zip(looks.memberships(constraint, &candidates)) {
+                if let Some(own) = memberships.get_mut(*candidate) {
+                    *own = Some(membership);
+                }
+            }
             for item in &mut ranked {
-                let by_look = candidates.iter().position(|c| *c == item.item).and_then(|at| memberships.get(at));
-                let membership = by_label(index, item.item, constraint).or(by_look.copied()).unwrap_or(0.0);
+                let by_look = memberships.get(item.item).copied().flatten();
+                let membership = by_label(index, item.item, constraint).or(by_look).unwrap_or(0.0);
                 if membership >= FITS {
                     item.score *= JUST_FITS + (1.0 - JUST_FITS) * (membership - FITS) / (1.0 - FITS);
                     item.looks.push(constraint.words.clone());
