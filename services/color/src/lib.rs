@@ -483,11 +483,33 @@ mod tests {
             let (own, nearest) = basic_distances(name, from_phrase(hex).unwrap());
             own <= nearest
         };
-        for (name, hex) in [("red", "#e01010"), ("blue", "#1838e0"), ("white", "#fafafa"), ("pink", "#f0a0b8"), ("grey", "#808080"), ("grey", "#b8b8c0"), ("black", "#202020"), ("black", "#050004"), ("brown", "#6b4423"), ("brown", "#3a2618"), ("red", "#502020")] {
+        for (name, hex) in [
+            ("red", "#e01010"),
+            ("blue", "#1838e0"),
+            ("white", "#fafafa"),
+            ("pink", "#f0a0b8"),
+            ("grey", "#808080"),
+            ("grey", "#b8b8c0"),
+            ("black", "#202020"),
+            ("black", "#050004"),
+            ("brown", "#6b4423"),
+            ("brown", "#3a2618"),
+            ("red", "#502020"),
+        ] {
             assert!(is(name, hex), "{name} {hex}");
         }
-        assert!(!is("green", "#e01010") && !is("black", "#fafafa") && !is("blue", "#a8a8b0") && !is("green", "#505860") && !is("red", "#6b4423") && !is("grey", "#502020"));
-        assert!(is("blue", "#40e0d0") || basic_distances("blue", from_phrase("#40e0d0").unwrap()).0 < 0.05, "turquoise");
+        assert!(
+            !is("green", "#e01010")
+                && !is("black", "#fafafa")
+                && !is("blue", "#a8a8b0")
+                && !is("green", "#505860")
+                && !is("red", "#6b4423")
+                && !is("grey", "#502020")
+        );
+        assert!(
+            is("blue", "#40e0d0") || basic_distances("blue", from_phrase("#40e0d0").unwrap()).0 < 0.05,
+            "turquoise"
+        );
         assert_eq!(basic_distances("beautiful", [0.0; 3]).0, f32::INFINITY);
     }
 

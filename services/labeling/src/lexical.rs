@@ -77,6 +77,16 @@ struct Label {
     spans: Vec<Span>,
 }
 
+/// The relation of one term of a query to each term of the labels, with its score.
+type Relations = Vec<Option<(Relation, f64)>>;
+
+/// A term of a query that some label has something to do with.
+struct Asked {
+    start: usize,
+    length: usize,
+    relations: Relations,
+}
+
 /// An index over labels.
 pub struct Index {
     net: &'static WordNet,
@@ -117,10 +127,7 @@ impl Index {
             by_ending: HashMap::new(),
             single: Vec::new(),
             by_synset: HashMap::new(),
-            letters: Letters {
-                stemmer: Stemmer::create(Algorithm::English),
-                metaphone: DoubleMetaphone::new(Some(8)),
-            },
+            letters: Letters { stemmer: Stemmer::create(Algorithm::English), metaphone: DoubleMetaphone::new(Some(8)) },
         };
         for label in labels {
             let phrase = label.map(Phrase::of).filter(|p| !p.is_empty());
@@ -190,13 +197,13 @@ impl Index {
     /// What a phrase says about each item, in their order; `None` where nothing relates them.
     #[must_use]
     pub fn matches(&self, phrase: &Phrase) -> Vec<Option<LexicalMatch>> {
-        let query: Vec<(Span, Vec<Option<(Relation, f64)>>)> = places(phrase.words.len())
+        let query: Vec<Asked> = places(phrase.words.len())
             .map(|(start, length)| {
                 let text = phrase.words[start..start + length].join(" ");
                 let term = Term::new(&text, length == 1, self.net, &self.letters);
-                (Span { start, length, term: 0 }, self.relations(&term))
+                Asked { start, length, relations: self.relations(&term) }
             })
-            .filter(|(_, relations)| relations.iter().any(Option::is_some))
+            .filter(|asked| asked.relations.iter().any(Option::is_some))
             .collect();
         let whole = phrase.words.join(" ");
         let is_compound = phrase.words.len() > 1 && !self.net.dictionary_forms(&whole).is_empty();
@@ -205,14 +212,15 @@ impl Index {
     }
 
     /// The relation of a query's term to every term of the labels, with its score.
-    fn relations(&self, query: &Term) -> Vec<Option<(Relation, f64)>> {
-        let mut best: Vec<Option<(Relation, f64)>> = vec![None; self.terms.len()];
+    fn relations(&self, query: &Term) -> Relations {
+        let mut best: Relations = vec![None; self.terms.len()];
         let mut offer = |at: usize, relation: Relation, factor: f64| {
             // A compound whose head is the label's word names a kind of it, although the dictionary calls "wheel" a short form
             // of "steering wheel".
-            let is_own_head = self.terms.get(at).is_some_and(|t| {
-                query.text.strip_suffix(t.text.as_str()).is_some_and(|rest| rest.ends_with(' '))
-            });
+            let is_own_head = self
+                .terms
+                .get(at)
+                .is_some_and(|t| query.text.strip_suffix(t.text.as_str()).is_some_and(|rest| rest.ends_with(' ')));
             let relation = if is_own_head { Relation::Narrower(1) } else { relation };
             let score = relation.score() * factor;
             if let Some(known) = best.get_mut(at)
@@ -274,13 +282,7 @@ impl Index {
     }
 
     /// Lays the words of a query on those of a label: the cover with the greatest weight.
-    fn align(
-        &self,
-        phrase: &Phrase,
-        is_compound: bool,
-        query: &[(Span, Vec<Option<(Relation, f64)>>)],
-        label: &Label,
-    ) -> Option<LexicalMatch> {
+    fn align(&self, phrase: &Phrase, is_compound: bool, query: &[Asked], label: &Label) -> Option<LexicalMatch> {
         let count = phrase.words.len();
         let weight = |at: usize| match (count, at == phrase.head) {
             (1, _) => 1.0,
@@ -291,12 +293,12 @@ impl Index {
         let mut best: Vec<(f64, Option<(usize, usize)>)> = vec![(0.0, None); count + 1];
         for start in (0..count).rev() {
             let mut own = (best[start + 1].0, None);
-            for (at, (span, relations)) in query.iter().enumerate().filter(|(_, (s, _))| s.start == start) {
-                let weight: f64 = (start..start + span.length).map(weight).sum();
+            for (at, asked) in query.iter().enumerate().filter(|(_, asked)| asked.start == start) {
+                let weight: f64 = (start..start + asked.length).map(weight).sum();
                 for (place, other) in label.spans.iter().enumerate() {
-                    let Some((_, score)) = relations.get(other.term).copied().flatten() else { continue };
-                    let parts = if is_compound && span.length < count { COMPOUND_PARTS } else { 1.0 };
-                    let value = weight * score * parts + best[start + span.length].0;
+                    let Some((_, score)) = asked.relations.get(other.term).copied().flatten() else { continue };
+                    let parts = if is_compound && asked.length < count { COMPOUND_PARTS } else { 1.0 };
+                    let value = weight * score * parts + best[start + asked.length].0;
                     if value > own.0 + 1e-12 {
                         own = (value, Some((at, place)));
                     }
@@ -313,13 +315,13 @@ impl Index {
                 start += 1;
                 continue;
             };
-            let (span, other) = (query.get(at)?.0, label.spans.get(place)?);
-            let (relation, score) = query.get(at)?.1.get(other.term).copied().flatten()?;
-            covered[start..start + span.length].fill(true);
+            let (asked, other) = (query.get(at)?, label.spans.get(place)?);
+            let (relation, score) = asked.relations.get(other.term).copied().flatten()?;
+            covered[start..start + asked.length].fill(true);
             used[other.start..other.start + other.length].fill(true);
-            let query = phrase.words[start..start + span.length].join(" ");
+            let query = phrase.words[start..start + asked.length].join(" ");
             evidence.push(Evidence { query, label: self.terms.get(other.term)?.text.clone(), relation, score });
-            start += span.length;
+            start += asked.length;
         }
         if evidence.is_empty() {
             return None;

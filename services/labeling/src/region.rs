@@ -130,9 +130,8 @@ mod tests {
 
     #[test]
     fn known_balls() {
-        let corners: Vec<DVec3> = (0..8)
-            .map(|k| DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2 & 1)))
-            .collect();
+        let corners: Vec<DVec3> =
+            (0..8).map(|k| DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2 & 1))).collect();
         let cube = ball(&corners).unwrap();
         assert!((cube.radius - 0.75_f64.sqrt()).abs() < 0.01 * cube.radius, "{cube:?}");
         let one = ball(&[DVec3::ONE]).unwrap();
@@ -145,7 +144,8 @@ mod tests {
 
     #[test]
     fn strays_and_broken_gaussians_do_not_count() {
-        let mut points: Vec<DVec3> = (0..500).map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), 0.0)).collect();
+        let mut points: Vec<DVec3> =
+            (0..500).map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), 0.0)).collect();
         let before = ball(&points).unwrap();
         points.push(DVec3::splat(1e9));
         points.push(DVec3::NAN);

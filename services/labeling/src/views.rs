@@ -227,7 +227,13 @@ mod tests {
     #[test]
     fn wide_fields_need_more_cameras_and_tiny_regions_few() {
         let count = |fov| Sphere { fov_y_degrees: fov, ..Sphere::default() }.count(&BALL);
-        assert!(count(20.0) < count(60.0) && count(60.0) < count(120.0), "{} {} {}", count(20.0), count(60.0), count(120.0));
+        assert!(
+            count(20.0) < count(60.0) && count(60.0) < count(120.0),
+            "{} {} {}",
+            count(20.0),
+            count(60.0),
+            count(120.0)
+        );
         assert_eq!(Sphere::default().count(&Region { is_tiny: true, ..BALL }), MIN_VIEWS);
         assert_eq!(Sphere { count: Some(5), ..Sphere::default() }.views(&BALL, &Frame::XYZ).unwrap().len(), 5);
     }
@@ -257,7 +263,10 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_refused() {
         let views = |sphere: Sphere| sphere.views(&BALL, &Frame::XYZ).map(|v| v.len());
-        assert!(matches!(views(Sphere { fov_y_degrees: f64::NAN, ..Sphere::default() }), Err(ViewsError::FieldOfView(_))));
+        assert!(matches!(
+            views(Sphere { fov_y_degrees: f64::NAN, ..Sphere::default() }),
+            Err(ViewsError::FieldOfView(_))
+        ));
         assert_eq!(views(Sphere { aspect: 0.0, ..Sphere::default() }), Err(ViewsError::Aspect(0.0)));
         assert_eq!(views(Sphere { margin: 1.0, ..Sphere::default() }), Err(ViewsError::Margin(1.0)));
         assert_eq!(views(Sphere { count: Some(0), ..Sphere::default() }), Err(ViewsError::Count(0)));

@@ -89,7 +89,8 @@ impl WordNet {
     /// [`WordNetError`] names the part that is damaged.
     pub fn unpack(packed: &[u8]) -> Result<Self, WordNetError> {
         let raw = zstd::bulk::decompress(packed, MAX_BYTES).map_err(|e| WordNetError(e.to_string()))?;
-        let mut rest = raw.strip_prefix(MAGIC).ok_or_else(|| WordNetError("it does not begin with its magic".into()))?;
+        let mut rest =
+            raw.strip_prefix(MAGIC).ok_or_else(|| WordNetError("it does not begin with its magic".into()))?;
         let nouns = number(&mut rest)?;
         let (depths, text, ranks) = (section(&mut rest)?, section(&mut rest)?, section(&mut rest)?);
         let extra_parents = pairs(section(&mut rest)?)?;
@@ -128,9 +129,11 @@ impl WordNet {
         for at in 0..lemmas.len() as u32 {
             let word = word(text, lemmas, at);
             let hash = hasher.hash_one(word);
-            let entry = words.entry(hash, |other| word_is(text, lemmas, *other, word), |other| {
-                hasher.hash_one(self::word(text, lemmas, *other))
-            });
+            let entry = words.entry(
+                hash,
+                |other| word_is(text, lemmas, *other, word),
+                |other| hasher.hash_one(self::word(text, lemmas, *other)),
+            );
             match entry {
                 hashbrown::hash_table::Entry::Occupied(mut first) => {
                     let earlier = std::mem::replace(first.get_mut(), at);
@@ -360,7 +363,12 @@ mod tests {
     fn words_and_their_meanings() {
         let cranium = net().senses("cranium")[0].synset;
         assert!(net().kindred_wholes(cranium).any(|whole| net().words_of(whole).any(|w| w == "skull")));
-        for (a, b) in [("gear wheel", "gear"), ("backbone", "vertebral column"), ("windscreen", "windshield"), ("dentin", "dentine")] {
+        for (a, b) in [
+            ("gear wheel", "gear"),
+            ("backbone", "vertebral column"),
+            ("windscreen", "windshield"),
+            ("dentin", "dentine"),
+        ] {
             assert!(share(a, b), "{a} {b}");
         }
         assert!(!share("kidney", "liver"));

@@ -175,7 +175,9 @@ impl Written {
             }
         }
         while let Some((offset, depth)) = stack.pop() {
-            let Some(synset) = part.synsets.get(&offset).filter(|_| !self.numbers.contains_key(&offset)) else { continue };
+            let Some(synset) = part.synsets.get(&offset).filter(|_| !self.numbers.contains_key(&offset)) else {
+                continue;
+            };
             self.numbers.insert(offset, self.depths.len() as u32);
             self.depths.push(depth);
             for lemma in &synset.lemmas {

@@ -95,8 +95,8 @@ pub struct Constraint {
 }
 
 use Quality::{
-    Back, Bottom, Bright, Dark, Dense, Flat, Front, Large, Left, Long, Middle, Opaque, Right, Round, Small, Sparse, Tall,
-    Thick, Thin, Top, Transparent,
+    Back, Bottom, Bright, Dark, Dense, Flat, Front, Large, Left, Long, Middle, Opaque, Right, Round, Small, Sparse,
+    Tall, Thick, Thin, Top, Transparent,
 };
 
 /// Words with their quality. Several words are parted by a space.
@@ -319,11 +319,7 @@ pub fn shape(noun: &str) -> Option<Option<Quality>> {
 /// The place that a word of a label names.
 #[must_use]
 pub fn place(word: &str) -> Option<Quality> {
-    PLAIN
-        .iter()
-        .find(|(w, _)| *w == word)
-        .map(|(_, q)| *q)
-        .filter(|q| q.opposite_place().is_some() || *q == Middle)
+    PLAIN.iter().find(|(w, _)| *w == word).map(|(_, q)| *q).filter(|q| q.opposite_place().is_some() || *q == Middle)
 }
 
 /// The demand at the start of a sequence of words in lower case, and its number of words.

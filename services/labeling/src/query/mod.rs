@@ -15,26 +15,17 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod outcome;
 mod parse;
 mod rank;
 
-pub use parse::Number;
-
-use std::fmt;
+pub use outcome::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
 
 use crate::attributes::Attributes;
 use crate::attributes::judge::Looks;
 use crate::frame::Frame;
 use crate::lexical::Index;
-use crate::relation::{Evidence, Relation};
 use crate::wordnet::WordNetError;
-
-/// Least score of a match. Below it a query matches nothing.
-pub const THRESHOLD: f64 = 0.5;
-/// Least lead of a single match over the next one. With less the query is ambiguous.
-pub const LEAD: f64 = 0.07;
-/// Most that a score may lie below the best one where a text means several units.
-pub const SPREAD: f64 = 0.2;
 
 /// Something that a text can mean: a labelled unit, a base unit, or a cluster without a label.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,102 +34,6 @@ pub struct Item {
     pub label: Option<String>,
     /// Its look, if it is known.
     pub attributes: Option<Attributes>,
-}
-
-/// An item with its score and what speaks for it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Ranked {
-    /// Index of the item.
-    pub item: usize,
-    /// Share of queries with this evidence that mean the item, 0 to 1.
-    pub score: f64,
-    /// What the words of its label say.
-    pub evidence: Vec<Evidence>,
-    /// The words of the query that its look fits: "largest", "red".
-    pub looks: Vec<String>,
-    /// The words of the query that its look does not fit.
-    pub unfit: Vec<String>,
-    /// Whether it is meant because other items are named as left out.
-    pub by_exclusion: bool,
-}
-
-impl Ranked {
-    /// Why the item is meant, as part of a sentence: "synonym: windscreen ~ windshield; looks transparent".
-    #[must_use]
-    pub fn explanation(&self) -> String {
-        let mut parts: Vec<String> = self.evidence.iter().map(ToString::to_string).collect();
-        if !self.looks.is_empty() {
-            parts.push(format!("looks {}", self.looks.join(", ")));
-        }
-        if !self.unfit.is_empty() {
-            parts.push(format!("not {}", self.unfit.join(", ")));
-        }
-        if self.by_exclusion {
-            parts.push("not excluded".to_owned());
-        }
-        parts.join("; ")
-    }
-
-    /// Whether a label's word of another kind than the same word speaks for the item: a reply should then say so.
-    #[must_use]
-    pub fn is_inferred(&self) -> bool {
-        self.evidence.iter().any(|e| !matches!(e.relation, Relation::Exact | Relation::Inflection | Relation::Spacing))
-    }
-}
-
-/// What a query means.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Outcome {
-    /// These items, the best first.
-    Match {
-        /// At least one item.
-        items: Vec<Ranked>,
-    },
-    /// One of these items; the text does not say which.
-    Ambiguous {
-        /// At least two items, the best first.
-        candidates: Vec<Ranked>,
-    },
-    /// No item is likely enough.
-    NothingMatches {
-        /// The likeliest item, below [`THRESHOLD`].
-        best: Option<Ranked>,
-        /// Why nothing matches, for a reply.
-        why: Why,
-    },
-}
-
-/// Why nothing matches.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Why {
-    /// There are no items.
-    NoItems,
-    /// The text has no word that names or describes a thing.
-    NoWords,
-    /// No label is like these words.
-    NoSuchLabel(String),
-    /// There are things of that name, but none looks like this.
-    NoSuchLook {
-        /// The words that name the thing; empty where any thing is asked for.
-        noun: String,
-        /// The words that describe it.
-        look: String,
-    },
-    /// All that matches is excluded.
-    AllExcluded,
-}
-
-impl fmt::Display for Why {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoItems => write!(f, "there is nothing to find"),
-            Self::NoWords => write!(f, "no word names or describes a thing"),
-            Self::NoSuchLabel(noun) => write!(f, "no label is like \"{noun}\""),
-            Self::NoSuchLook { noun, look } if noun.is_empty() => write!(f, "nothing looks \"{look}\""),
-            Self::NoSuchLook { noun, look } => write!(f, "no \"{noun}\" looks \"{look}\""),
-            Self::AllExcluded => write!(f, "all that matches is excluded"),
-        }
-    }
 }
 
 /// Items to query, with an index of their labels.

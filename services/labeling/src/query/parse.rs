@@ -6,7 +6,7 @@ use crate::wordnet::WordNet;
 
 /// How many units a text means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Number {
+pub(super) enum Number {
     /// One.
     One,
     /// All that match.
@@ -42,31 +42,123 @@ pub(super) struct Query {
 
 /// Words before a query that ask for it.
 const LEADS: [&str; 46] = [
-    "show", "me", "please", "select", "find", "where", "wheres", "is", "are", "pick", "which", "what", "label", "highlight",
-    "mark", "brush", "look", "for", "give", "want", "i", "to", "see", "can", "could", "you", "need", "take", "get", "there",
-    "hide", "zoom", "go", "us", "let", "grab", "choose", "isolate", "and", "now", "then", "just", "only", "also", "with", "search",
+    "show",
+    "me",
+    "please",
+    "select",
+    "find",
+    "where",
+    "wheres",
+    "is",
+    "are",
+    "pick",
+    "which",
+    "what",
+    "label",
+    "highlight",
+    "mark",
+    "brush",
+    "look",
+    "for",
+    "give",
+    "want",
+    "i",
+    "to",
+    "see",
+    "can",
+    "could",
+    "you",
+    "need",
+    "take",
+    "get",
+    "there",
+    "hide",
+    "zoom",
+    "go",
+    "us",
+    "let",
+    "grab",
+    "choose",
+    "isolate",
+    "and",
+    "now",
+    "then",
+    "just",
+    "only",
+    "also",
+    "with",
+    "search",
 ];
 /// Nouns without a meaning of their own.
 const GENERIC: [&str; 22] = [
-    "thing", "one", "part", "object", "item", "piece", "structure", "region", "stuff", "unit", "cluster", "area", "element",
-    "component", "group", "gaussian", "segment", "material", "side", "label", "shape", "section",
+    "thing",
+    "one",
+    "part",
+    "object",
+    "item",
+    "piece",
+    "structure",
+    "region",
+    "stuff",
+    "unit",
+    "cluster",
+    "area",
+    "element",
+    "component",
+    "group",
+    "gaussian",
+    "segment",
+    "material",
+    "side",
+    "label",
+    "shape",
+    "section",
 ];
 /// Nouns and pronouns for all things.
 const UNIVERSAL: [&str; 6] = ["everything", "all", "anything", "rest", "others", "scene"];
 /// Words that ask for several things.
 const SEVERAL: [&str; 16] = [
-    "both", "all", "every", "each", "two", "three", "four", "five", "six", "several", "some", "many", "these", "those", "everything",
+    "both",
+    "all",
+    "every",
+    "each",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "several",
+    "some",
+    "many",
+    "these",
+    "those",
+    "everything",
     "most",
 ];
 /// Words that say nothing here.
 const FILLERS: [&str; 26] = [
-    "the", "a", "an", "that", "which", "who", "is", "are", "thats", "its", "this", "of", "at", "on", "in", "to", "by", "very",
-    "really", "please", "there", "it", "any", "colored", "coloured", "looking",
+    "the", "a", "an", "that", "which", "who", "is", "are", "thats", "its", "this", "of", "at", "on", "in", "to", "by",
+    "very", "really", "please", "there", "it", "any", "colored", "coloured", "looking",
 ];
 /// Words that turn what follows into an exclusion.
 const NEGATIONS: [&str; 17] = [
-    "not", "isnt", "arent", "dont", "doesnt", "without", "except", "excepting", "excluding", "neither", "no", "besides", "minus",
-    "nor", "non", "wasnt", "never",
+    "not",
+    "isnt",
+    "arent",
+    "dont",
+    "doesnt",
+    "without",
+    "except",
+    "excepting",
+    "excluding",
+    "neither",
+    "no",
+    "besides",
+    "minus",
+    "nor",
+    "non",
+    "wasnt",
+    "never",
 ];
 
 /// Reads a query.
@@ -218,7 +310,14 @@ impl Group {
             quality::shape(head).or_else(|| singular(head, net).and_then(|s| quality::shape(&s)))?;
         let mut other = self.clone();
         other.nouns = Phrase::of_words(
-            &self.nouns.words.iter().enumerate().filter(|(at, _)| *at != self.nouns.head).map(|(_, w)| w.clone()).collect::<Vec<_>>(),
+            &self
+                .nouns
+                .words
+                .iter()
+                .enumerate()
+                .filter(|(at, _)| *at != self.nouns.head)
+                .map(|(_, w)| w.clone())
+                .collect::<Vec<_>>(),
         );
         other.whole = Phrase::default();
         other.is_look.clear();

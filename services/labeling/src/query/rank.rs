@@ -3,8 +3,8 @@
 use crate::attributes::judge::{FITS, Looks};
 use crate::attributes::quality::{self, Constraint, Look};
 use crate::lexical::{Index, LexicalMatch};
+use crate::query::outcome::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
 use crate::query::parse::{Group, Number, Query, parse};
-use crate::query::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
 
 /// Least score of a noun for an item to be judged by its look.
 const NAMED: f64 = 0.4;
@@ -158,7 +158,11 @@ fn covers_looks(found: &LexicalMatch, group: &Group) -> bool {
 fn by_noun_and_look(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
     let mut ranked: Vec<Ranked> = if group.nouns.is_empty() {
         if group.constraints.is_empty() {
-            return if group.has_noun { (0..index.len()).map(|i| Ranked { score: THRESHOLD, ..unranked(i) }).collect() } else { Vec::new() };
+            return if group.has_noun {
+                (0..index.len()).map(|i| Ranked { score: THRESHOLD, ..unranked(i) }).collect()
+            } else {
+                Vec::new()
+            };
         }
         (0..index.len()).map(|item| Ranked { score: BY_LOOK, ..unranked(item) }).collect()
     } else {

@@ -185,12 +185,24 @@ fn queries_find_what_was_meant() {
     for (kind, [seen, unseen]) in &kinds {
         println!("| {kind} | {seen} | {unseen} |");
     }
-    println!("| **all** | {} ({:.1} %) | {} ({:.1} %) |", total[0], 100.0 * total[0].share(), total[1], 100.0 * total[1].share());
+    println!(
+        "| **all** | {} ({:.1} %) | {} ({:.1} %) |",
+        total[0],
+        100.0 * total[0].share(),
+        total[1],
+        100.0 * total[1].share()
+    );
     println!("| false matches on absent things | {} | {} |", false_matches[0], false_matches[1]);
     println!("\n| score | looked at: right, mean score | unseen: right, mean score |\n| --- | --- | --- |");
     for (bin, halves) in &reliability {
         let cell = |(tally, sum): &(Tally, f64)| format!("{tally}, {:.2}", sum / tally.all.max(1) as f64);
-        println!("| {:.1} to {:.1} | {} | {} |", *bin as f64 / 10.0, (*bin + 1) as f64 / 10.0, cell(&halves[0]), cell(&halves[1]));
+        println!(
+            "| {:.1} to {:.1} | {} | {} |",
+            *bin as f64 / 10.0,
+            (*bin + 1) as f64 / 10.0,
+            cell(&halves[0]),
+            cell(&halves[1])
+        );
     }
     // Floors a little below what was measured, so that a change that loses queries is noticed.
     assert!(total[0].share() >= 0.95, "looked at: {}", total[0]);
@@ -233,7 +245,10 @@ fn a_query_over_a_thousand_units_takes_milliseconds() {
     println!("the slowest query: {slowest:?}");
     times.sort_by(f64::total_cmp);
     let (median, most) = (times[times.len() / 2], times[times.len() - 1]);
-    println!("a query: {median:.2} ms at the median, {:.2} ms at the 99th percentile, {most:.2} ms at most", times[times.len() * 99 / 100]);
+    println!(
+        "a query: {median:.2} ms at the median, {:.2} ms at the 99th percentile, {most:.2} ms at most",
+        times[times.len() * 99 / 100]
+    );
     assert!(median < 10.0, "{median} ms");
     assert!(times[times.len() * 9 / 10] < 50.0, "{times:?}");
 }
