@@ -27,6 +27,8 @@ have npm || packages+=(nodejs npm)
 # A graphics card's own driver, if there is one, stays what is used; tests need any.
 compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || packages+=(mesa-vulkan-drivers)
 ldconfig -p | grep -q 'libvulkan\.so\.1' || packages+=(libvulkan1)
+# A test makes the index of synonyms again from these files.
+[[ -e /usr/share/wordnet/data.noun ]] || packages+=(wordnet-base)
 python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3 python3-venv)
 if ((${#packages[@]})); then
     as_root=()

@@ -7,7 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 16] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 18] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -19,6 +19,8 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 16] = [
     ("sg-walk", &[]),
     ("sg-clusters", &[]),
     ("sg-selection", &[]),
+    ("sg-color", &[]),
+    ("sg-labeling", &[]),
     ("sg-language", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),

@@ -367,7 +367,9 @@ const MAP: [(&str, &str, &[&str]); 29] = [
             "sg-walk",
         ],
     ),
-    ("services/agents/language", "sg-language", &["sg-input", "sg-proto"]),
+    ("services/color", "sg-color", &[]),
+    ("services/labeling", "sg-labeling", &["sg-color", "sg-scene"]),
+    ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
     ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
     (
