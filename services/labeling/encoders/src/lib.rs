@@ -1,0 +1,45 @@
+//! Encoders of images and texts: CLIP, OpenCLIP and `SigLIP` for both, and BERT for sentences.
+//!
+//! A model is a folder on this machine, as Hugging Face and OpenCLIP lay it out. Nothing is downloaded. [`ImageTextModel`] and
+//! [`SentenceEncoder`] open one and give [`Embedding`]s, whose cosines compare. [`fuse`] makes one embedding of an image's and
+//! a text's.
+//!
+//! All towers are one pre- or post-norm transformer (`transformer`) with names of tensors by layout (`layout`). Tests compare
+//! them with the published implementations, see `tests/fixtures/make.py`.
+
+mod activation;
+mod attention;
+mod batches;
+mod config;
+mod embedding;
+mod encoder;
+mod error;
+mod fusion;
+mod hugging_face;
+mod image;
+mod image_text;
+mod layers;
+mod layout;
+mod matrix;
+mod open_clip;
+mod preprocess;
+mod resample;
+mod sentence;
+mod text;
+mod tokens;
+mod transformer;
+mod vision;
+mod weights;
+
+#[cfg(test)]
+mod parity_tests;
+
+pub use embedding::{Embedding, EmbeddingError};
+pub use encoder::{ImageEncoder, TextEncoder};
+pub use error::EncoderError;
+pub use fusion::{Fusion, fuse};
+pub use image::{Pixels, RgbImage};
+pub use image_text::ImageTextModel;
+pub use layout::Layout;
+pub use matrix::Precision;
+pub use sentence::SentenceEncoder;
