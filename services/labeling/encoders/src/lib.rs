@@ -32,6 +32,8 @@ mod vision;
 mod weights;
 
 #[cfg(test)]
+mod hostile_tests;
+#[cfg(test)]
 mod parity_tests;
 
 pub use embedding::{Embedding, EmbeddingError};

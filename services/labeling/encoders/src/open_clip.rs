@@ -73,7 +73,7 @@ const WITHOUT_EFFECT: [&str; 6] =
     ["patch_dropout", "output_tokens", "hf_tokenizer_name", "tokenizer_kwargs", "init_logit_scale", "custom_text"];
 /// Mean and standard deviation of OpenAI's images, for configurations without.
 const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
-const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_58, 0.275_777_11];
+const DEVIATION: [f32; 3] = [0.268_629_55, 0.261_302_6, 0.275_777_1];
 const DEFAULT_END: u32 = 2;
 
 const KEYS: TransformerKeys =

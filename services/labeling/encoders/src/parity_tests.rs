@@ -109,7 +109,8 @@ fn images_and_texts_have_the_published_embeddings() {
 
 #[test]
 fn images_are_prepared_as_published() {
-    for (name, layout) in MODELS {
+    // The other CLIP prepares images in the same way.
+    for (name, layout) in MODELS.into_iter().filter(|(name, _)| *name != "clip-gelu") {
         let folder = fixtures().join(name);
         let config = match layout {
             Layout::OpenClip => open_clip::read_image_text(&folder),
@@ -118,6 +119,7 @@ fn images_are_prepared_as_published() {
         let preprocess = config.unwrap().preprocess;
         let expected = Expected::open(&folder);
         let (shape, levels) = expected.bytes("levels");
+        assert_eq!(shape[0], IMAGE_SIZES.len(), "{name}");
         let side = shape[3];
         for (at, (image, first_row)) in test_images().iter().zip(expected.rows("pixels")).enumerate() {
             let values = preprocess.values(image);

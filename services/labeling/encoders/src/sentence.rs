@@ -20,9 +20,14 @@ use crate::tokens::TextTokens;
 use crate::transformer::{BlockNames, NormOrder, QueryKeyValue, Transformer, TransformerConfig};
 use crate::weights::{Kind, Weights};
 
+/// What tells kinds of configurations apart, whatever else they have.
+#[derive(Deserialize)]
+struct ModelKind {
+    model_type: Option<String>,
+}
+
 #[derive(Deserialize)]
 struct Config {
-    model_type: Option<String>,
     vocab_size: usize,
     hidden_size: usize,
     intermediate_size: usize,
@@ -105,14 +110,12 @@ impl SentenceEncoder {
 
     fn read(folder: &Path, weights: Result<Weights, EncoderError>, precision: Precision) -> Result<Self, EncoderError> {
         let path = &folder.join("config.json");
-        let config: Config = read_json(path)?;
         let wrong = |key: &str, problem: String| Err(EncoderError::config(path, key, problem));
-        if config.model_type.as_deref() != Some("bert") {
-            return wrong(
-                "model_type",
-                format!("{}; a sentence encoder is a `bert`", named(config.model_type.as_deref())),
-            );
+        let ModelKind { model_type } = read_json(path)?;
+        if model_type.as_deref() != Some("bert") {
+            return wrong("model_type", format!("{}; a sentence encoder is a `bert`", named(model_type.as_deref())));
         }
+        let config: Config = read_json(path)?;
         if let Some(other) = config.position_embedding_type.as_deref().filter(|kind| *kind != "absolute") {
             return wrong("position_embedding_type", format!("`{other}`; it can only be `absolute`"));
         }

@@ -23,7 +23,7 @@ pub(crate) struct VisionTower {
 
 enum Head {
     Class { token: Tensor, norm_before: LayerNorm, projection: Linear },
-    Pooling(AttentionPooling),
+    Pooling(Box<AttentionPooling>),
 }
 
 impl VisionTower {
@@ -45,7 +45,7 @@ impl VisionTower {
                 projection: Linear::read_projection(weights, projection, [dimension, width], precision)?,
             },
             VisionHead::AttentionPooling(prefix) => {
-                Head::Pooling(AttentionPooling::read(weights, prefix, transformer, precision)?)
+                Head::Pooling(Box::new(AttentionPooling::read(weights, prefix, transformer, precision)?))
             }
         };
         let tokens = config.patches() + usize::from(matches!(head, Head::Class { .. }));

@@ -1,0 +1,143 @@
+//! Milliseconds for an image or a text against the error of its direction, for each precision of weights.
+//!
+//! `cargo bench -p sg-encoders [-- image text sentence]`. ViT-B/32 has random weights. The sentence encoder is all-MiniLM-L6-v2
+//! where `ops/models.sh` has got it, else of its size with random weights.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a bench prints its table and fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use sg_encoders::{Embedding, ImageEncoder, ImageTextModel, Pixels, Precision, RgbImage, SentenceEncoder, TextEncoder};
+
+const PRECISIONS: [Precision; 3] = [Precision::F32, Precision::F16, Precision::Int8];
+const BATCHES: [usize; 3] = [1, 5, 8];
+/// Repetitions, of which the median counts.
+const ROUNDS: usize = 15;
+const SEED: u64 = 1;
+
+/// Labels as people give them.
+const TEXTS: [&str; 8] = [
+    "aneurysm sac",
+    "the swollen part of the vessel",
+    "grey matter",
+    "left lung",
+    "handle of the cup",
+    "the bright core in the middle",
+    "bone",
+    "thin filaments around the shock front",
+];
+
+fn main() {
+    let chosen: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let runs = |name: &str| chosen.is_empty() || chosen.iter().any(|argument| argument == name);
+    let folder = tempfile::tempdir().unwrap();
+    write_vit_b_32(folder.path());
+    println!(
+        "| input | weights | opened in | {} | greatest error |",
+        BATCHES.map(|n| format!("batch {n}")).join(" | ")
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let image_text = |precision| ImageTextModel::with_random_weights(folder.path(), precision, SEED).unwrap();
+    if runs("image") {
+        let images: Vec<RgbImage> = (0..8).map(rendering).collect();
+        table("image, ViT-B/32", image_text, |model, count| model.encode_images(&images[..count]).unwrap());
+    }
+    if runs("text") {
+        table("text, ViT-B/32", image_text, |model, count| model.encode_texts(&TEXTS[..count]).unwrap());
+    }
+    if runs("sentence") {
+        let real = mini_lm();
+        let name = if real.is_some() { "text, MiniLM" } else { "text, MiniLM with random weights" };
+        let random = folder.path().join("minilm");
+        write_mini_lm(&random);
+        let open = |precision| match &real {
+            Some(folder) => SentenceEncoder::open(folder, precision).unwrap(),
+            None => SentenceEncoder::with_random_weights(&random, precision, SEED).unwrap(),
+        };
+        table(name, open, |model, count| model.encode_texts(&TEXTS[..count]).unwrap());
+    }
+}
+
+/// Prints a row for each precision.
+fn table<M>(name: &str, open: impl Fn(Precision) -> M, encode: impl Fn(&M, usize) -> Vec<Embedding>) {
+    let mut exact = Vec::new();
+    for precision in PRECISIONS {
+        let began = Instant::now();
+        let model = open(precision);
+        let opened = began.elapsed();
+        let encoded = encode(&model, 8);
+        if precision == Precision::F32 {
+            exact.clone_from(&encoded);
+        }
+        let pairs = encoded.iter().zip(&exact);
+        let error = pairs.map(|(a, b)| 1.0 - a.cosine(b).unwrap()).fold(0.0, f32::max);
+        let times = BATCHES.map(|count| {
+            let each = median(|| encode(&model, count)).as_secs_f64() * 1e3 / count as f64;
+            format!("{each:.1} ms")
+        });
+        println!("| {name} | {precision:?} | {:.1} s | {} | {error:.1e} |", opened.as_secs_f64(), times.join(" | "));
+    }
+}
+
+fn median<T>(run: impl Fn() -> T) -> Duration {
+    let mut times: Vec<Duration> = (0..ROUNDS)
+        .map(|_| {
+            let began = Instant::now();
+            std::hint::black_box(run());
+            began.elapsed()
+        })
+        .collect();
+    times.sort_unstable();
+    times[ROUNDS / 2]
+}
+
+/// A picture of 512 × 512 pixels, as a capture of a region has.
+fn rendering(number: usize) -> RgbImage {
+    let side = 512;
+    let level = |at: usize| {
+        let (x, y, channel) = (at / 3 % side, at / 3 / side, at % 3);
+        let (dx, dy) = (x as f32 - 256.0 - 9.0 * number as f32, y as f32 - 256.0);
+        let distance = (dx * dx + dy * dy).sqrt() / 128.0;
+        (255.0 * (-distance * distance).exp() / (1 + channel + number % 3) as f32) as u8
+    };
+    RgbImage::new(side, side, Pixels::Bytes((0..3 * side * side).map(level).collect())).unwrap()
+}
+
+fn fixture(name: &str) -> Vec<u8> {
+    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name)).unwrap()
+}
+
+/// The configuration of openai/clip-vit-base-patch32, with a tokenizer of few tokens.
+fn write_vit_b_32(folder: &Path) {
+    let config = json!({
+        "model_type": "clip",
+        "projection_dim": 512,
+        "vision_config": {"image_size": 224, "patch_size": 32, "hidden_size": 768},
+        "text_config": {"vocab_size": 49408, "hidden_size": 512, "eos_token_id": 146},
+    });
+    let preprocessor = json!({
+        "size": {"shortest_edge": 224}, "crop_size": {"height": 224, "width": 224},
+        "image_mean": [0.48145466, 0.4578275, 0.40821073], "image_std": [0.26862954, 0.26130258, 0.27577711],
+    });
+    std::fs::write(folder.join("config.json"), config.to_string()).unwrap();
+    std::fs::write(folder.join("preprocessor_config.json"), preprocessor.to_string()).unwrap();
+    std::fs::write(folder.join("tokenizer.json"), fixture("clip-quick-gelu/tokenizer.json")).unwrap();
+}
+
+fn write_mini_lm(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    let config = json!({
+        "model_type": "bert", "vocab_size": 30522, "hidden_size": 384, "intermediate_size": 1536, "num_hidden_layers": 6,
+        "num_attention_heads": 12, "hidden_act": "gelu", "layer_norm_eps": 1e-12, "max_position_embeddings": 512,
+        "type_vocab_size": 2,
+    });
+    std::fs::write(folder.join("config.json"), config.to_string()).unwrap();
+    std::fs::write(folder.join("tokenizer.json"), fixture("bert/tokenizer.json")).unwrap();
+}
+
+fn mini_lm() -> Option<PathBuf> {
+    let cache = directories::ProjectDirs::from("", "", "supergaussian")?.cache_dir().to_owned();
+    Some(cache.join("models/all-MiniLM-L6-v2")).filter(|folder| folder.join("model.safetensors").is_file())
+}
