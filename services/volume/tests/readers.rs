@@ -276,7 +276,7 @@ fn every_broken_file_gets_one_clear_line() {
         ("odd_3x4x5_int12.raw", le.clone(), &["_XxYxZ_type"]),
         ("volume.dcm", le.clone(), &["file name: DICOM cannot be read; save it as NRRD from 3D Slicer"]),
         ("volume.dat", le.clone(), &["no known volume extension", ".nrrd"]),
-        ("volume.bin", b"\x89HDF\r\n\x1a\n".to_vec(), &["content: HDF5 cannot be read", "raw voxels"]),
+        ("volume.bin", b"\x89HDF\r\n\x1a\n".to_vec(), &["content: HDF5 cannot be read", "Fiji"]),
         ("magic.nrrd", b"MRRD0004\n".to_vec(), &["line 1", "magic"]),
         ("cut.nrrd", nrrd(raw_le, &le[..100]), &["expected 120 bytes", "found 100", "sizes"]),
         ("long.nrrd", nrrd(raw_le, &joined(&[&le, b"!!"])), &["expected 120", "found 122"]),
