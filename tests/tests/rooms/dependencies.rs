@@ -8,6 +8,7 @@ const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openx
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
 pub(crate) const LIBRARIES: [(&str, &[&str]); 18] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 17] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -21,6 +22,7 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 18] = [
     ("sg-selection", &[]),
     ("sg-color", &[]),
     ("sg-labeling", &[]),
+    ("sg-encoders", &[]),
     ("sg-language", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),
