@@ -30,9 +30,10 @@ pub enum Relation {
 }
 
 impl Relation {
-    /// Share of queries with this relation alone that mean the label: the scale of every score, 0 to 1.
+    /// Estimated share of queries with this relation alone that mean the label: the scale of every score, 0 to 1.
     ///
-    /// The constants were set on the looked-at half of the evaluation; `docs/labeling.md` shows how well they hold on the other.
+    /// The constants are estimates, checked on the looked-at half of the evaluation. `docs/labeling.md` shows how well they hold on the
+    /// other half.
     #[must_use]
     pub fn score(self) -> f64 {
         match self {
