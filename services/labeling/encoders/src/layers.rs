@@ -4,9 +4,18 @@ use candle_core::{Device, Tensor};
 
 use crate::activation::{Activation, Epilogue};
 use crate::error::EncoderError;
-use crate::layout::ProjectionName;
 use crate::matrix::{Matrix, Precision};
 use crate::weights::{Kind, Weights};
+
+/// A projection to the space of embeddings, as a file keeps it.
+pub(crate) enum ProjectionName {
+    /// A matrix of outputs × inputs.
+    OutputRows(&'static str),
+    /// A matrix of inputs × outputs.
+    InputRows(&'static str),
+    /// A layer with a bias.
+    Layer(&'static str),
+}
 
 /// y = x Wᵀ + b.
 pub(crate) struct Linear {

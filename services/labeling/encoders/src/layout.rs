@@ -1,5 +1,6 @@
 //! Names of tensors in the three layouts of files with an image and a text tower.
 
+use crate::layers::ProjectionName;
 use crate::transformer::{BlockNames, QueryKeyValue};
 
 /// A layout of configuration and weights.
@@ -11,16 +12,6 @@ pub enum Layout {
     OpenClip,
     /// `SigLIP` of Hugging Face's transformers: `config.json` with `model_type` `siglip`, `model.safetensors`.
     SigLip,
-}
-
-/// A projection to the space of embeddings, as a file keeps it.
-pub(crate) enum ProjectionName {
-    /// A matrix of outputs × inputs.
-    OutputRows(&'static str),
-    /// A matrix of inputs × outputs.
-    InputRows(&'static str),
-    /// A layer with a bias.
-    Layer(&'static str),
 }
 
 /// How an image tower's tokens become one vector.
