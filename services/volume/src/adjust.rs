@@ -19,7 +19,7 @@ pub enum AdjustError {
         is_width: bool,
     },
     /// The range has no value of the function's domain.
-    #[error("no value lies from {low} to {high}: the transfer function goes from {least} to {greatest}")]
+    #[error("no value lies {}: the transfer function goes from {least} to {greatest}", words(*.low, *.high))]
     Range {
         /// Least value asked for.
         low: f64,
@@ -36,6 +36,15 @@ pub enum AdjustError {
         /// Least value.
         least: f64,
     },
+}
+
+/// Words for a range, of which an infinite end is no limit.
+fn words(low: f64, high: f64) -> String {
+    match (low.is_finite(), high.is_finite()) {
+        (true, false) => format!("above {low}"),
+        (false, true) => format!("below {high}"),
+        _ => format!("from {low} to {high}"),
+    }
 }
 
 impl TransferFunction {
@@ -278,6 +287,8 @@ mod tests {
         }
         let message = ramp().hiding(200.0, 300.0).unwrap_err().to_string();
         assert_eq!(message, "no value lies from 200 to 300: the transfer function goes from 0 to 100");
+        let above = ramp().hiding(200.0, f64::INFINITY).unwrap_err().to_string();
+        assert_eq!(above, "no value lies above 200: the transfer function goes from 0 to 100");
         assert!(ramp().hiding(f64::NAN, 3.0).is_err());
     }
 
