@@ -35,12 +35,12 @@ pub(crate) enum Kind {
 
 /// Where weights come from.
 pub(crate) enum Weights {
-    File(SafetensorsFile),
+    File(SafetensorsReader),
     Random(Box<ChaCha8Rng>),
 }
 
 /// An open file of weights with its header.
-pub(crate) struct SafetensorsFile {
+pub(crate) struct SafetensorsReader {
     path: PathBuf,
     file: RegularFile,
     tensors: HashMap<String, TensorInfo>,
@@ -50,7 +50,7 @@ pub(crate) struct SafetensorsFile {
 
 impl Weights {
     pub(crate) fn open(path: &Path) -> Result<Self, EncoderError> {
-        SafetensorsFile::open(path).map(Self::File)
+        SafetensorsReader::open(path).map(Self::File)
     }
 
     /// Weights of the size that training leaves, the same for a seed.
@@ -87,7 +87,7 @@ fn random_values(generator: &mut ChaCha8Rng, shape: &[usize], kind: Kind) -> Vec
     (0..shape.iter().product()).map(|_| center + generator.random_range(-half_width..half_width)).collect()
 }
 
-impl SafetensorsFile {
+impl SafetensorsReader {
     fn open(path: &Path) -> Result<Self, EncoderError> {
         let wrong = |problem: String| EncoderError::file(path, problem);
         let file = file::open(path).map_err(|error| wrong(error.to_string()))?;
@@ -145,7 +145,7 @@ fn damaged(what: &str) -> String {
     format!("not a whole safetensors file: {what}; get it again")
 }
 
-/// Little-endian values of a type that [`SafetensorsFile::values`] lets through.
+/// Little-endian values of a type that [`SafetensorsReader::values`] lets through.
 fn to_f32(bytes: &[u8], dtype: Dtype) -> Vec<f32> {
     let pairs = || bytes.as_chunks::<2>().0.iter().map(|pair| u16::from_le_bytes(*pair));
     match dtype {
