@@ -17,8 +17,6 @@ mod motion;
 mod samples;
 mod warm;
 
-use std::ops::ControlFlow;
-
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use sg_reclassify::sources;
@@ -30,7 +28,7 @@ use sg_volume::{Classifier, ScalarField, ScalarFieldRef, TransferFunction, Value
 use crate::direct::{Progress, direct_start, unit_name};
 use crate::options::{DirectError, Options};
 use crate::placement::PlacementError;
-use crate::training::{TrainingError, TrainingOptions, TrainingView, train};
+use crate::training::{TrainingError, TrainingView, measured};
 use motion::Motion;
 use samples::Voxels;
 use warm::warm_start;
@@ -257,9 +255,7 @@ fn decibels(scene: &Scene, views: &[TrainingView]) -> Result<f64, TrainingError>
     if scene.is_empty() {
         return Ok(0.0);
     }
-    let none = TrainingOptions { iterations: 0, ..TrainingOptions::default() };
-    let report = train(&mut scene.clone(), views, views, &none, |_, _| ControlFlow::Break(()))?;
-    Ok(report.result.footprint_psnr_db)
+    Ok(measured(scene, views)?.footprint_psnr_db)
 }
 
 /// Whether two fields are the same values at the same places.

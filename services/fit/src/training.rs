@@ -212,6 +212,15 @@ fn step(
     Ok(())
 }
 
+/// Measures a scene on views without a training.
+///
+/// # Errors
+/// [`TrainingError`]: there is no view, one does not fit, or the scene cannot be drawn.
+pub fn measured(scene: &Scene, views: &[TrainingView]) -> Result<Measurement, TrainingError> {
+    check_views(views, views)?;
+    measure(scene, views, 0, 0.0)
+}
+
 /// Draws the held-out views as a display does.
 fn measure(
     scene: &Scene,

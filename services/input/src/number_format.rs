@@ -42,6 +42,17 @@ pub fn significant(x: f64) -> String {
     decimals(x, digits.clamp(0.0, 9.0) as usize)
 }
 
+/// Words for a range of values, of which an end may be open: "values from 1 to 2", "values above 1", "values below 2".
+#[must_use]
+pub fn values_between(low: Option<f64>, high: Option<f64>) -> String {
+    match (low, high) {
+        (Some(low), Some(high)) => format!("values from {} to {}", significant(low), significant(high)),
+        (Some(low), None) => format!("values above {}", significant(low)),
+        (None, Some(high)) => format!("values below {}", significant(high)),
+        (None, None) => "all values".to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -38,7 +38,7 @@ pub enum EntropyForm {
     /// −Σ p log₂ p / log₂(width·height) with p = α/Σα, as in NLI4VolVis (2025). From 0 for one pixel to 1 for a uniform picture.
     #[default]
     Normalized,
-    /// −Σ α log₂ α over the raw opacities, as our paper writes it. In bits; fully opaque pixels add nothing.
+    /// −Σ α log₂ α over the raw opacities, as the paper writes it. In bits; fully opaque pixels add nothing.
     Literal,
 }
 

@@ -81,7 +81,7 @@ struct Label {
 type Relations = Vec<Option<(Relation, f64)>>;
 
 /// A term of a query that some label has something to do with.
-struct Asked {
+struct QueryTerm {
     start: usize,
     length: usize,
     relations: Relations,
@@ -197,11 +197,11 @@ impl Index {
     /// What a phrase says about each item, in their order; `None` where nothing relates them.
     #[must_use]
     pub fn matches(&self, phrase: &Phrase) -> Vec<Option<LexicalMatch>> {
-        let query: Vec<Asked> = places(phrase.words.len())
+        let query: Vec<QueryTerm> = places(phrase.words.len())
             .map(|(start, length)| {
                 let text = phrase.words[start..start + length].join(" ");
                 let term = Term::new(&text, length == 1, self.net, &self.letters);
-                Asked { start, length, relations: self.relations(&term) }
+                QueryTerm { start, length, relations: self.relations(&term) }
             })
             .filter(|asked| asked.relations.iter().any(Option::is_some))
             .collect();
@@ -282,7 +282,7 @@ impl Index {
     }
 
     /// Lays the words of a query on those of a label: the cover with the greatest weight.
-    fn align(&self, phrase: &Phrase, is_compound: bool, query: &[Asked], label: &Label) -> Option<LexicalMatch> {
+    fn align(&self, phrase: &Phrase, is_compound: bool, query: &[QueryTerm], label: &Label) -> Option<LexicalMatch> {
         let count = phrase.words.len();
         let weight = |at: usize| match (count, at == phrase.head) {
             (1, _) => 1.0,

@@ -351,8 +351,8 @@ fn fit_step(
     let folder = out.join(folder_name(index));
     make_folder(&folder)?;
     npy::write_array(&folder.join(PREVIOUS_FILE), &[start.previous.len()], &start.previous).map_err(work)?;
-    let mut scene = start.scene.clone();
-    write_scene(&folder, &mut scene, args.transfer_function.as_deref(), function)?;
+    write_scene(&folder, &mut start.scene, args.transfer_function.as_deref(), function)?;
+    let gaussians = start.scene.len();
     series.finish(start.scene, own);
     let name = PathBuf::from(folder_name(index));
     Ok(StepEntry {
@@ -360,7 +360,7 @@ fn fit_step(
         previous: name.join(PREVIOUS_FILE),
         source: step.path.clone(),
         time: step.time,
-        gaussians: scene.len(),
+        gaussians,
         start: start.kind,
         kept: start.kept,
         removed: start.removed,

@@ -39,16 +39,13 @@ struct Lattice<T> {
     values: Vec<T>,
 }
 
-/// Opacity, and opacity times brightness.
-type Seen = [f32; 2];
-
 impl Motion {
     /// The motion from `before` to `after`, which fill the same box.
     pub(super) fn between(before: &Field, after: &Field, classifier: &Classifier) -> Self {
         let grid = before.grid().clone();
         let longest = grid.dims().into_iter().max().unwrap_or(1);
         let per_place = longest.div_ceil(EDGE).max(1);
-        let [first, second] = [before, after].map(|field| seen(field, &grid, per_place, classifier));
+        let [first, second] = [before, after].map(|field| signals(field, &grid, per_place, classifier));
         let flow = flow(first, second);
         let axes = grid.direction() * DMat3::from_diagonal(grid.spacing());
         Self { lattice: flow, per_place: per_place as f64, grid, to_world: axes * per_place as f64 }
@@ -115,11 +112,11 @@ impl<T: Copy + Default + std::ops::Add<Output = T> + std::ops::Mul<f32, Output =
     }
 }
 
-/// Two numbers as one type with sums.
+/// Opacity, and opacity times brightness.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Pair(Seen);
+struct Signal([f32; 2]);
 
-impl std::ops::Add for Pair {
+impl std::ops::Add for Signal {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -127,7 +124,7 @@ impl std::ops::Add for Pair {
     }
 }
 
-impl std::ops::Mul<f32> for Pair {
+impl std::ops::Mul<f32> for Signal {
     type Output = Self;
 
     fn mul(self, factor: f32) -> Self {
@@ -165,8 +162,8 @@ impl std::ops::Mul<f32> for Equations {
     }
 }
 
-/// What is seen of a field at the places of a lattice over a grid: means over cubes of voxels.
-fn seen(field: &Field, grid: &Grid, per_place: usize, classifier: &Classifier) -> Lattice<Pair> {
+/// The signal of a field at the places of a lattice over a grid: means over cubes of voxels.
+fn signals(field: &Field, grid: &Grid, per_place: usize, classifier: &Classifier) -> Lattice<Signal> {
     let dims = grid.dims().map(|n| n.div_ceil(per_place));
     let is_same = field.grid() == grid;
     let of_voxel = |voxel: [usize; 3]| {
@@ -181,11 +178,11 @@ fn seen(field: &Field, grid: &Grid, per_place: usize, classifier: &Classifier) -
     };
     Lattice::filled(dims, |place| {
         let ends = [0, 1, 2].map(|k| (place[k] * per_place, ((place[k] + 1) * per_place).min(grid.dims()[k])));
-        let (mut sum, mut count) = (Pair::default(), 0.0_f32);
+        let (mut sum, mut count) = (Signal::default(), 0.0_f32);
         for z in ends[2].0..ends[2].1 {
             for y in ends[1].0..ends[1].1 {
                 for x in ends[0].0..ends[0].1 {
-                    sum = sum + Pair(of_voxel([x, y, z]));
+                    sum = sum + Signal(of_voxel([x, y, z]));
                     count += 1.0;
                 }
             }
@@ -195,9 +192,9 @@ fn seen(field: &Field, grid: &Grid, per_place: usize, classifier: &Classifier) -
 }
 
 /// Half as many places along each axis.
-fn halved(fine: &Lattice<Pair>) -> Lattice<Pair> {
+fn halved(fine: &Lattice<Signal>) -> Lattice<Signal> {
     Lattice::filled(fine.dims.map(|n| n.div_ceil(2)), |place| {
-        let mut sum = Pair::default();
+        let mut sum = Signal::default();
         for corner in 0..8 {
             let at = [0, 1, 2].map(|k| (2 * place[k] + (corner >> k & 1)).min(fine.dims[k] - 1));
             sum = sum + fine.values[fine.index(at[0], at[1], at[2])];
@@ -207,7 +204,7 @@ fn halved(fine: &Lattice<Pair>) -> Lattice<Pair> {
 }
 
 /// The way of each place of `first` to its counterpart in `second`, in places.
-fn flow(first: Lattice<Pair>, second: Lattice<Pair>) -> Lattice<Vec3> {
+fn flow(first: Lattice<Signal>, second: Lattice<Signal>) -> Lattice<Vec3> {
     let mut levels = vec![(first, second)];
     while let Some((first, second)) = levels.last() {
         if first.dims.into_iter().max().unwrap_or(1) <= COARSEST {
@@ -233,12 +230,12 @@ fn flow(first: Lattice<Pair>, second: Lattice<Pair>) -> Lattice<Vec3> {
 }
 
 /// One step of Newton's method for every window.
-fn stepped(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: &Lattice<Vec3>) -> Lattice<Vec3> {
+fn stepped(first: &Lattice<Signal>, second: &Lattice<Signal>, ways: &Lattice<Vec3>) -> Lattice<Vec3> {
     let at = |place: [usize; 3]| {
         Vec3::from_array(place.map(|x| x as f32)) + ways.values[ways.index(place[0], place[1], place[2])]
     };
     let moved = Lattice::filled(first.dims, |place| second.at(at(place)));
-    let slope = |of: &Lattice<Pair>, place: [usize; 3], axis: usize| {
+    let slope = |of: &Lattice<Signal>, place: [usize; 3], axis: usize| {
         let (mut low, mut high) = (place, place);
         low[axis] = place[axis].saturating_sub(1);
         high[axis] = (place[axis] + 1).min(of.dims[axis] - 1);
@@ -292,7 +289,7 @@ fn stepped(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: &Lattice<Vec3>) 
 }
 
 /// The ways that make the window of their place more alike, or none.
-fn checked(first: &Lattice<Pair>, second: &Lattice<Pair>, ways: &Lattice<Vec3>) -> Lattice<Vec3> {
+fn checked(first: &Lattice<Signal>, second: &Lattice<Signal>, ways: &Lattice<Vec3>) -> Lattice<Vec3> {
     let error = |moves: bool| {
         let of = Lattice::filled(first.dims, |place| {
             let i = first.index(place[0], place[1], place[2]);

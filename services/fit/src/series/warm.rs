@@ -3,10 +3,10 @@
 
 use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
+use sg_reclassify::add_surfaceness;
 use sg_reclassify::optical_depth::{dilogarithm, logit_of, opacity_of};
 use sg_reclassify::sources::{self, Source};
 use sg_scene::model::{BaseUnit, Gaussians, Scene, ShadingColumns};
-use sg_volume::dvr::Material;
 use sg_volume::{Classifier, Surfaceness};
 
 use super::lineage::{Neighbours, places};
@@ -207,7 +207,6 @@ fn not_covered(direct: &BaseUnit, there: &[DVec3], origin: DVec3) -> Result<Vec<
 fn joined(earlier: &BaseUnit, kept: Vec<(usize, Corrected)>, direct: &BaseUnit, placed: &[usize]) -> BaseUnit {
     let order: Vec<usize> = kept.iter().map(|(i, _)| *i).collect();
     let mut gaussians = earlier.gaussians.rows(&order);
-    let (haze, surface) = (Material::STANDARD.with_surfaceness(0.0), Material::STANDARD);
     let mut own = Vec::with_capacity(kept.len() + placed.len());
     for (row, (_, of)) in kept.into_iter().enumerate() {
         gaussians.position[row] = of.position;
@@ -216,12 +215,7 @@ fn joined(earlier: &BaseUnit, kept: Vec<(usize, Corrected)>, direct: &BaseUnit, 
         if let Some(shading) = &mut gaussians.shading {
             shading.offset_color[row] = of.color;
             shading.normal[row] = of.normal;
-            let step = of.surfaceness as f32;
-            let factors = [&mut shading.ambient[row], &mut shading.diffuse[row], &mut shading.specular[row]];
-            let slopes = [surface.ambient - haze.ambient, surface.diffuse, surface.specular];
-            for (factor, slope) in factors.into_iter().zip(slopes) {
-                *factor = (*factor + step * slope).max(0.0);
-            }
+            add_surfaceness(shading, row, of.surfaceness as f32);
         }
         own.push(of.source);
     }

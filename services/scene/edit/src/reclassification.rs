@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use sg_input::number_format::significant;
+use sg_input::number_format::{significant, values_between};
 use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::{AdjustTransferFunction, SetTransferFunction, Target, ValueColor, ValueRange, ValueWindow};
 use sg_reclassify::ReclassifyError;
@@ -39,17 +39,20 @@ impl Transaction<'_> {
             Change::Window(window) => windowed(&present, window)?,
             Change::ShowOnly(range) => {
                 let [low, high] = ends(range);
-                (present.showing_only(low, high)?, format!("show only {}", values(range)))
+                (present.showing_only(low, high)?, format!("show only {}", values_between(range.low, range.high)))
             }
             Change::Hide(range) => {
                 let [low, high] = ends(range);
-                (present.hiding(low, high)?, format!("hide {}", values(range)))
+                (present.hiding(low, high)?, format!("hide {}", values_between(range.low, range.high)))
             }
             Change::Color(ValueColor { range, color }) => {
                 let range = range.as_ref().ok_or_else(|| missing("range"))?;
                 let color = command_number::color(color.as_ref().ok_or_else(|| missing("color"))?, "color")?;
                 let [low, high] = ends(range);
-                (present.colored(low, high, color.to_array())?, format!("colour {}", values(range)))
+                (
+                    present.colored(low, high, color.to_array())?,
+                    format!("colour {}", values_between(range.low, range.high)),
+                )
             }
             Change::Scale(scale) => {
                 let scale = decode_scale(*scale).map_err(|e| malformed(&e))?;
@@ -108,14 +111,4 @@ fn windowed(present: &TransferFunction, change: &ValueWindow) -> Result<(Transfe
 
 fn ends(range: &ValueRange) -> [f64; 2] {
     [range.low.unwrap_or(f64::NEG_INFINITY), range.high.unwrap_or(f64::INFINITY)]
-}
-
-/// Words for the values of a range.
-fn values(range: &ValueRange) -> String {
-    match (range.low, range.high) {
-        (Some(low), Some(high)) => format!("values from {} to {}", significant(low), significant(high)),
-        (Some(low), None) => format!("values above {}", significant(low)),
-        (None, Some(high)) => format!("values below {}", significant(high)),
-        (None, None) => "all values".to_owned(),
-    }
 }

@@ -10,5 +10,5 @@ mod reclassify;
 pub mod sources;
 mod volume_of_scene;
 
-pub use reclassify::{ReclassifyError, check_scene, reclassify, reclassify_scene};
+pub use reclassify::{ReclassifyError, add_surfaceness, check_scene, reclassify, reclassify_scene};
 pub use volume_of_scene::{VolumeOfScene, functions};

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use sg_scene::model::{BaseUnit, Gaussians, Scene};
+use sg_scene::model::{BaseUnit, Gaussians, Scene, ShadingColumns};
 use sg_volume::averages::Averages;
 use sg_volume::dvr::Material;
 use sg_volume::transfer::{Problem, Units};
@@ -101,22 +101,27 @@ pub fn reclassify(unit: &mut BaseUnit, function: &TransferFunction) -> Result<()
         Look { color: color - palette, opacity_logit: logit_of(opacity), surfaceness: [before, now] }
     };
     let looks: Vec<Look> = (0..opacity_logit.len()).into_par_iter().with_min_len(LEAST_PART).map(look).collect();
-    let (haze, surface) = (Material::STANDARD.with_surfaceness(0.0), Material::STANDARD);
-    let steps = [surface.ambient - haze.ambient, surface.diffuse, surface.specular];
     for (i, look) in looks.iter().enumerate() {
         opacity_logit[i] = look.opacity_logit;
         let Some(shading) = shading.as_mut() else { continue };
         shading.offset_color[i] = look.color;
         let [before, now] = look.surfaceness;
         if before != now {
-            let factors = [&mut shading.ambient[i], &mut shading.diffuse[i], &mut shading.specular[i]];
-            for (factor, step) in factors.into_iter().zip(steps) {
-                *factor = (*factor + (now - before) * step).max(0.0);
-            }
+            add_surfaceness(shading, i, now - before);
         }
     }
     sources::set_surfaceness(&mut unit.gaussians, looks.iter().map(|look| look.surfaceness[1]).collect());
     Ok(())
+}
+
+/// Shades one Gaussian by this much more like a surface of its volume, or by as much less. Its factors stay at least 0.
+pub fn add_surfaceness(shading: &mut ShadingColumns, i: usize, change: f32) {
+    let (haze, surface) = (Material::STANDARD.with_surfaceness(0.0), Material::STANDARD);
+    let slopes = [surface.ambient - haze.ambient, surface.diffuse, surface.specular];
+    let factors = [&mut shading.ambient[i], &mut shading.diffuse[i], &mut shading.specular[i]];
+    for (factor, slope) in factors.into_iter().zip(slopes) {
+        *factor = (*factor + change * slope).max(0.0);
+    }
 }
 
 /// The function for the values of the volume behind a unit.

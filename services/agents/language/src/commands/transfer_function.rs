@@ -1,6 +1,6 @@
 //! The transfer function: level and window, shown, hidden and coloured values, scale.
 
-use sg_input::number_format::significant;
+use sg_input::number_format::{significant, values_between};
 use sg_proto::language::{Act, Clause};
 use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
@@ -16,7 +16,7 @@ use super::verbs::{DECREASE, INCREASE, MAKE, PAINT, SET, SHOW};
 use crate::color;
 use crate::property::values::{compared, stepped, term, value, values, window};
 use crate::resolution::{Refusal, Step, color_of, missing};
-use crate::syntax::phrase::{Input, Outcome, article, color as parse_color, end, exactly, one_of, skip};
+use crate::syntax::phrase::{Input, Outcome, article, color as parse_color, end, exactly, items, one_of, skip};
 use crate::syntax::reading::{Reading, Verb};
 use crate::text::capital;
 
@@ -153,7 +153,7 @@ fn preset_name(input: &mut Input<'_>) -> Outcome<(&'static str, &'static Preset)
     });
     let (preset, at) = found.ok_or(EmptyError)?;
     *input = at;
-    Ok((preset.names.split(" | ").next().unwrap_or(preset.names), preset))
+    Ok((items(preset.names).next().unwrap_or(preset.names), preset))
 }
 
 /// Parses "the level by 100", "the window".
@@ -233,7 +233,7 @@ fn resolve(clause: &Clause, context: &Context<'_>) -> Result<Step, Refusal> {
     match &mut values.change {
         Some(Change::Window(window)) => {
             let name = clause.name.trim().trim_end_matches("window").trim().to_lowercase();
-            let preset = PRESETS.iter().find(|preset| preset.names.split(" | ").any(|n| n == name));
+            let preset = PRESETS.iter().find(|preset| items(preset.names).any(|n| n == name));
             if let Some(preset) = preset {
                 let is_hounsfield = least < LEAST_OF_AIR && present.is_some_and(|function| !function.normalized);
                 if !is_hounsfield {
@@ -289,12 +289,6 @@ pub(crate) fn report(clause: &Clause, adjust: &AdjustTransferFunction, summary: 
     }
 }
 
-/// Words for the values of a range.
 fn range_words(range: &ValueRange) -> String {
-    match (range.low, range.high) {
-        (Some(low), Some(high)) => format!("values from {} to {}", significant(low), significant(high)),
-        (Some(low), None) => format!("values above {}", significant(low)),
-        (None, Some(high)) => format!("values below {}", significant(high)),
-        (None, None) => "all values".to_owned(),
-    }
+    values_between(range.low, range.high)
 }
