@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use prost::Message as _;
 
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     "supergaussian/bus/v1/bus.proto",
     "supergaussian/scene/v1/scene.proto",
     "supergaussian/selection/v1/selection.proto",
     "supergaussian/render/v1/render.proto",
+    "supergaussian/labeling/v1/labeling.proto",
     "supergaussian/language/v1/language.proto",
     "supergaussian/launch/v1/launch.proto",
     "supergaussian/backend/v1/backend.proto",

@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 
 use prost::Name;
 
-use crate::{bus, language, launch, render, scene, selection};
+use crate::{bus, labeling, language, launch, render, scene, selection};
 
 /// First segment of every key expression.
 pub const ROOT: &str = "sg";
@@ -21,6 +21,8 @@ pub mod role {
     pub const SCENE: &str = "scene";
     /// Computes selections from strokes.
     pub const SELECTION: &str = "selection";
+    /// Finds the units that a text means, and says how units look.
+    pub const LABELING: &str = "labeling";
     /// Renders the shared view after each change of the scene.
     pub const RENDER_VIEW: &str = "render-view";
     /// Renders pictures on request.
@@ -42,9 +44,10 @@ pub mod role {
     pub const NON_SERVICES: [&str; 3] = [SUPERVISOR, CLI, NODE];
 
     /// All roles.
-    pub const ALL: [&str; 10] = [
+    pub const ALL: [&str; 11] = [
         SCENE,
         SELECTION,
+        LABELING,
         RENDER_VIEW,
         RENDER_CAPTURE,
         AGENT_CORE,
@@ -249,8 +252,15 @@ impl Row {
 }
 
 const CLIENTS: &[&str] = &[role::CLI, role::AGENT_CORE, role::AGENT_FUNCTION];
-const SCENE_READERS: &[&str] =
-    &[role::CLI, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE, role::AGENT_CORE, role::AGENT_FUNCTION];
+const SCENE_READERS: &[&str] = &[
+    role::CLI,
+    role::SELECTION,
+    role::LABELING,
+    role::RENDER_VIEW,
+    role::RENDER_CAPTURE,
+    role::AGENT_CORE,
+    role::AGENT_FUNCTION,
+];
 
 macro_rules! table {
     ($($(#[doc = $doc:literal])+ $ident:ident: $type:ident<$($message:ty),+> = ($role:expr, $name:literal $(, $senders:expr)?)$( at $priority:ident)?$( only $place:ident)?;)*) => {
@@ -310,6 +320,13 @@ table! {
     SELECTION_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE]) at Background;
     /// State of the selection service.
     SELECTION_STATE: Retained<selection::State> = (role::SELECTION, "state");
+
+    /// Finds the units that a text means.
+    LABELING_FIND: Request<labeling::FindRequest, labeling::FindReply> = (role::LABELING, "cmd/find", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
+    /// Describes how a unit or the selection looks.
+    LABELING_DESCRIBE: Request<labeling::DescribeRequest, labeling::DescribeReply> = (role::LABELING, "cmd/describe", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
+    /// State of the labeling service.
+    LABELING_STATE: Retained<labeling::State> = (role::LABELING, "state");
 
     /// Renders one picture.
     CAPTURE: Request<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;

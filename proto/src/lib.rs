@@ -59,12 +59,14 @@ mod generated {
     domain!(scene, "supergaussian.scene.v1");
     domain!(selection, "supergaussian.selection.v1");
     domain!(render, "supergaussian.render.v1");
+    domain!(labeling, "supergaussian.labeling.v1");
     domain!(language, "supergaussian.language.v1");
     domain!(launch, "supergaussian.launch.v1");
 }
 
 pub use generated::backend::v1 as backend;
 pub use generated::bus::v1 as bus;
+pub use generated::labeling::v1 as labeling;
 pub use generated::language::v1 as language;
 pub use generated::launch::v1 as launch;
 pub use generated::render::v1 as render;

@@ -14,6 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use sg_proto::keys::{self, role};
+use sg_proto::labeling::FindRequest;
 use sg_proto::language::{IntentRequest, Source, Utterance};
 use sg_proto::launch::{PsRequest, ServiceState};
 use sg_proto::render::{CaptureRequest, Quality};
@@ -26,9 +27,10 @@ use sg_tests::bench::{argument, quantile};
 use sg_tests::{command, made_scene};
 
 /// Services, and the time limit for the next answer of each, milliseconds.
-const SERVICES: [(&str, f64); 7] = [
+const SERVICES: [(&str, f64); 8] = [
     (role::SCENE, 1000.0),
     (role::SELECTION, 1000.0),
+    (role::LABELING, 1000.0),
     (role::RENDER_VIEW, 300.0),
     (role::RENDER_CAPTURE, 300.0),
     (role::AGENT_INTENT, 300.0),
@@ -192,6 +194,10 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
             };
             let request = StrokesRequest { strokes: vec![stroke], restart: true, ..StrokesRequest::default() };
             bus.ask(&keys::SELECTION_STROKES, &request, &soon()).await.map(drop)
+        }
+        role::LABELING => {
+            let request = FindRequest { text: "the sac".to_owned(), ..FindRequest::default() };
+            bus.ask(&keys::LABELING_FIND, &request, &soon()).await.map(drop)
         }
         role::RENDER_VIEW => bus.newest(&keys::VIEW_STATE, &soon()).await.map(drop),
         role::RENDER_CAPTURE => {

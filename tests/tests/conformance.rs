@@ -43,6 +43,11 @@ fn selection() {
 }
 
 #[test]
+fn labeling() {
+    holds(role::LABELING, "supergaussian-labeling");
+}
+
+#[test]
 fn render_view() {
     holds(role::RENDER_VIEW, "supergaussian-render-node");
 }

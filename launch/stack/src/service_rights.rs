@@ -278,7 +278,8 @@ impl Process<'_> {
     /// Connections by TCP: agents reach language models, and everyone the collector of traces and a node's home. Programs of
     /// unknown roles may connect anywhere.
     fn network(&self, rights: &mut Rights) {
-        const LOCAL: [&str; 4] = [role::SCENE, role::SELECTION, role::RENDER_VIEW, role::RENDER_CAPTURE];
+        const LOCAL: [&str; 5] =
+            [role::SCENE, role::SELECTION, role::LABELING, role::RENDER_VIEW, role::RENDER_CAPTURE];
         if !LOCAL.contains(&self.role) {
             rights.connect = None;
             return;

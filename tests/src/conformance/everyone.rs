@@ -25,8 +25,9 @@ const EXIT_INPUT: i32 = 2;
 const BURST: usize = 12;
 
 /// Golden bytes by package. They hold the parts of the last release.
-const GOLDEN: [(&str, &str); 6] = [
+const GOLDEN: [(&str, &str); 7] = [
     ("supergaussian.bus.v1", include_str!("../../../proto/golden/supergaussian.bus.v1.txt")),
+    ("supergaussian.labeling.v1", include_str!("../../../proto/golden/supergaussian.labeling.v1.txt")),
     ("supergaussian.language.v1", include_str!("../../../proto/golden/supergaussian.language.v1.txt")),
     ("supergaussian.launch.v1", include_str!("../../../proto/golden/supergaussian.launch.v1.txt")),
     ("supergaussian.render.v1", include_str!("../../../proto/golden/supergaussian.render.v1.txt")),

@@ -9,6 +9,7 @@ mod agent_function;
 mod agent_intent;
 mod content;
 mod everyone;
+mod labeling;
 mod process;
 mod question;
 mod refusals;
@@ -57,9 +58,10 @@ struct Subject {
     essence: fn(&[u8]) -> Result<String, String>,
 }
 
-const SUBJECTS: [Subject; 7] = [
+const SUBJECTS: [Subject; 8] = [
     scene::SUBJECT,
     selection::SUBJECT,
+    labeling::SUBJECT,
     render_view::SUBJECT,
     render_capture::SUBJECT,
     agent_core::SUBJECT,
@@ -105,6 +107,7 @@ pub async fn conform(candidate: &Candidate, tell: &mut dyn FnMut(&Check)) -> Res
         match subject.role {
             scene::ROLE => scene::checks(&mut stage, &mut checks).await,
             selection::ROLE => selection::checks(&mut stage, &mut checks).await,
+            labeling::ROLE => labeling::checks(&mut stage, &mut checks).await,
             render_view::ROLE => render_view::checks(&mut stage, &mut checks).await,
             render_capture::ROLE => render_capture::checks(&mut stage, &mut checks).await,
             agent_core::ROLE => agent_core::checks(&mut stage, &mut checks).await,

@@ -327,7 +327,7 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 32] = [
+const MAP: [(&str, &str, &[&str]); 33] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
@@ -370,6 +370,11 @@ const MAP: [(&str, &str, &[&str]); 32] = [
     ("services/color", "sg-color", &[]),
     ("services/labeling", "sg-labeling", &["sg-color", "sg-scene"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input"]),
+    (
+        "services/labeling/service",
+        "supergaussian-labeling",
+        &["sg-edit", "sg-formats", "sg-input", "sg-labeling", "sg-proto", "sg-runtime", "sg-scene"],
+    ),
     ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
     ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),

@@ -86,7 +86,8 @@ impl Sandbox {
     pub(crate) fn install_beside(&self, others: &[(&str, &str)]) -> PathBuf {
         let folder = self.path().join("installed");
         std::fs::create_dir_all(&folder).unwrap();
-        let services = ["scene", "selection", "render-node", "agent-intent", "agent-function", "agent-core"];
+        let services =
+            ["scene", "selection", "labeling", "render-node", "agent-intent", "agent-function", "agent-core"];
         for service in services {
             self.script(&format!("installed/supergaussian-{service}"), "exec sleep 60");
         }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use lru::LruCache;
 use sg_language::resolution::Step;
-use sg_language::{commands, query, report, request_ids, unit_choice, unit_names};
+use sg_language::{commands, query, report, request_ids, resolved_names, unit_choice, unit_names};
 use sg_llm::{Answer, LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
@@ -21,6 +21,7 @@ use sg_runtime::process::{Host, StartError};
 
 use crate::action_result::{failure, stored_result};
 use crate::file_requests::FileRequests;
+use crate::labels::{Labels, Meaning};
 
 /// Length of the request queue.
 const QUEUE: usize = 16;
@@ -54,6 +55,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let agent = FunctionAgent {
         bus: host.bus().clone(),
         files: FileRequests::new(host.bus().clone()),
+        labels: Labels::watch(host.bus().clone()).await?,
         llm,
         agent_state,
         published_state,
@@ -75,15 +77,34 @@ struct FunctionAgent {
     bus: Bus,
     /// Saves and opens files.
     files: FileRequests,
+    /// Finds units by other names.
+    labels: Labels,
     llm: LlmClient,
     agent_state: AgentState,
     published_state: RetainedValue<AgentState>,
-    /// Units chosen by the model, by plan and spoken name. `None`: the model found no unit.
-    choices: LruCache<String, Option<ResolvedName>>,
+    /// What the model chose, by plan and spoken name.
+    choices: LruCache<String, ModelChoice>,
     /// Results by plan id, for repeated requests.
     results: LruCache<String, PlanResult>,
     /// Transient faults by plan id, for repeated requests without time for another try.
     faults: LruCache<String, Fault>,
+}
+
+/// A clause whose names are those of units, or a question about one of them.
+enum Chosen {
+    /// The clause, and the names in it that were replaced.
+    Clause(Clause, Vec<ResolvedName>),
+    /// A name may mean several units.
+    Question(String),
+}
+
+/// The model's answer to a name.
+#[derive(Clone)]
+enum ModelChoice {
+    Unit(ResolvedName),
+    NoUnit,
+    /// No answer.
+    Failed,
 }
 
 /// Whether the same plan may succeed later.
@@ -206,49 +227,70 @@ impl FunctionAgent {
         Ok(changes.events.into_iter().map(|event| (event.command_id.clone(), event)).collect())
     }
 
-    /// Replaces unknown names in a clause by units that the model chooses. Returns the clause and the choices.
-    async fn choose_units(
-        &mut self,
-        clause: &Clause,
-        state: &State,
-        context: &Context,
-    ) -> Result<(Clause, Vec<ResolvedName>), Fault> {
-        let mut resolved = (clause.clone(), Vec::new());
-        if !self.llm.has_model() {
-            return Ok(resolved);
-        }
+    /// Replaces unknown names in a clause by units: those that the labeling service finds, else one that the model chooses.
+    async fn choose_units(&mut self, clause: &Clause, state: &State, context: &Context) -> Result<Chosen, Fault> {
+        let (mut chosen, mut resolved_names) = (clause.clone(), Vec::new());
+        let mut is_model_working = self.llm.has_model();
         for spoken in unit_choice::unknown_names(clause, state).into_iter().take(MAX_CHOICES) {
-            let id = request_ids::derived(&context.id, &format!("unit for {spoken}"));
-            let choice = match self.choices.get(&id) {
-                Some(choice) => choice.clone(),
-                None => {
-                    let Some(prompt) = unit_choice::prompt(role::AGENT_FUNCTION, spoken, clause, state, &id) else {
-                        continue;
-                    };
-                    // Half of the time is left for the execution.
-                    let deadline = Instant::now() + context.remaining() / 2;
-                    match self.llm.ask(&prompt, deadline, |answer| unit_choice::parse_answer(answer, state)).await {
-                        Ok(Answer { value, model }) => {
-                            self.llm.record_success();
-                            let choice = value.map(|unit| ResolvedName { spoken: spoken.to_owned(), unit, model });
-                            self.choices.put(id, choice.clone());
-                            choice
-                        }
-                        Err(error) => {
-                            self.llm.fall_back(error, &mut self.agent_state).map_err(|error| llm_fault(&error))?;
-                            // The model failed, so the other names are not sent to it.
-                            break;
+            let found = self.labels.find(spoken, state.revision, context).await;
+            let mut meant = match found.map_err(|fault| service_fault(role::LABELING, fault))? {
+                Meaning::Units(units) => units,
+                Meaning::Question(question) => return Ok(Chosen::Question(question)),
+                Meaning::Unknown if is_model_working => {
+                    match self.model_choice(spoken, clause, state, context).await? {
+                        ModelChoice::Unit(unit) => vec![unit],
+                        ModelChoice::NoUnit => Vec::new(),
+                        // The other names are not sent to it.
+                        ModelChoice::Failed => {
+                            is_model_working = false;
+                            Vec::new()
                         }
                     }
                 }
+                Meaning::Unknown => Vec::new(),
             };
             // A unit that was chosen in an earlier try may be deleted by now.
-            if let Some(choice) = choice.filter(|c| unit_names::all(state).contains(&c.unit.as_str())) {
-                resolved.0 = unit_choice::substitute(resolved.0, spoken, &choice.unit);
-                resolved.1.push(choice);
+            let names = unit_names::all(state);
+            meant.retain(|name| names.contains(&name.unit.as_str()));
+            if !meant.is_empty() {
+                let units: Vec<&str> = meant.iter().map(|name| name.unit.as_str()).collect();
+                chosen = unit_choice::substitute(chosen, spoken, &units);
+                resolved_names.extend(meant);
             }
         }
-        Ok(resolved)
+        Ok(Chosen::Clause(chosen, resolved_names))
+    }
+
+    /// The unit that the model chooses for a name.
+    async fn model_choice(
+        &mut self,
+        spoken: &str,
+        clause: &Clause,
+        state: &State,
+        context: &Context,
+    ) -> Result<ModelChoice, Fault> {
+        let id = request_ids::derived(&context.id, &format!("unit for {spoken}"));
+        if let Some(choice) = self.choices.get(&id) {
+            return Ok(choice.clone());
+        }
+        let Some(prompt) = unit_choice::prompt(role::AGENT_FUNCTION, spoken, clause, state, &id) else {
+            return Ok(ModelChoice::NoUnit);
+        };
+        // Half of the time is left for the execution.
+        let deadline = Instant::now() + context.remaining() / 2;
+        match self.llm.ask(&prompt, deadline, |answer| unit_choice::parse_answer(answer, state)).await {
+            Ok(Answer { value, model }) => {
+                self.llm.record_success();
+                let name = |unit| ResolvedName { spoken: spoken.to_owned(), unit, model, ..ResolvedName::default() };
+                let choice = value.map_or(ModelChoice::NoUnit, |unit| ModelChoice::Unit(name(unit)));
+                self.choices.put(id, choice.clone());
+                Ok(choice)
+            }
+            Err(error) => {
+                self.llm.fall_back(error, &mut self.agent_state).map_err(|error| llm_fault(&error))?;
+                Ok(ModelChoice::Failed)
+            }
+        }
     }
 
     /// The stored result of the command with this id. A command without action is never applied: the scene only looks up
@@ -272,41 +314,58 @@ impl FunctionAgent {
         plan: &Plan,
         context: &Context,
     ) -> Result<ActionResult, Fault> {
-        let (clause, resolved_names) = self.choose_units(clause, state, context).await?;
+        let (clause, resolved_names) = match self.choose_units(clause, state, context).await? {
+            Chosen::Clause(clause, resolved_names) => (clause, resolved_names),
+            Chosen::Question(question) => {
+                // An earlier try may have renamed one of several units.
+                let stored = self.stored_event(&id, context).await?;
+                return Ok(stored.map_or_else(|| failure(question), |event| stored_result(&id, &event)));
+            }
+        };
         let action = self.apply_clause(&clause, id, state, plan, context).await?;
-        let text = resolved_names
-            .iter()
-            .rev()
-            .fold(action.text, |text, c| format!("Interpreted “{}” as the unit “{}”. {text}", c.spoken, c.unit));
+        let text = match resolved_names::interpretation(&resolved_names) {
+            Some(interpretation) => format!("{interpretation} {}", action.text),
+            None => action.text,
+        };
         Ok(ActionResult { text, resolved_names, ..action })
     }
 
-    /// The answer to a question about units or the selection with their sizes, where the file gives a length unit.
-    async fn with_sizes(&self, clause: &Clause, text: String, units: &[String], context: &Context) -> String {
+    /// The answer to a question about units or the selection with their sizes, where the file gives a length unit, and their
+    /// looks, where the session has a labeling service.
+    async fn with_measures(
+        &self,
+        clause: &Clause,
+        text: String,
+        units: &[String],
+        revision: u64,
+        context: &Context,
+    ) -> String {
         let unit = |name: &String| Target { units: vec![name.clone()], ..Target::default() };
         let targets: Vec<Target> = match clause.act() {
             Act::Describe => units.iter().take(MAX_MEASURED).map(unit).collect(),
             Act::QuerySelection => vec![Target { selection: true, ..Target::default() }],
             _ => Vec::new(),
         };
-        let mut sizes = Vec::new();
+        let several = targets.len() > 1;
+        let mut measures = Vec::new();
         for target in targets {
+            let unit = target.units.first().map_or("", String::as_str);
+            measures.extend(query::look(&target, &self.labels.look(unit, revision, context).await));
             let request = MeasureRequest { target: Some(target.clone()) };
             match self.bus.ask(&keys::SCENE_MEASURE, &request, &context.next()).await {
-                Ok(measure) => {
-                    let missing = || query::without_unit(&clause.words, &target, &measure);
+                Ok(size) => {
+                    let missing = || query::without_unit(&clause.words, &target, &size);
                     // One reason is enough for several units.
-                    let line = query::size(&target, &measure).or_else(missing);
-                    sizes.extend(line.filter(|line| !sizes.contains(line)));
+                    let line = query::size(&target, &size).or_else(missing);
+                    measures.extend(line.filter(|line| !measures.contains(line)));
                 }
                 // Nothing selected, or a scene service that measures nothing.
                 Err(fault) => tracing::debug!(%fault, "no size"),
             }
         }
-        let several = sizes.len() > 1;
-        sizes.into_iter().fold(text, |text, size| match text.strip_suffix('.').unwrap_or(&text) {
-            lines if several || lines.contains('\n') => format!("{text}\n{size}"),
-            line => format!("{line}. {size}"),
+        measures.into_iter().fold(text, |text, measure| match text.strip_suffix('.').unwrap_or(&text) {
+            lines if several || lines.contains('\n') => format!("{text}\n{measure}"),
+            line => format!("{line}. {measure}"),
         })
     }
 
@@ -333,7 +392,7 @@ impl FunctionAgent {
         };
         let (action, units) = match step {
             Step::Answer { text, units } => {
-                let text = self.with_sizes(clause, text, &units, context).await;
+                let text = self.with_measures(clause, text, &units, state.revision, context).await;
                 return Ok(ActionResult { ok: true, text, units, ..ActionResult::default() });
             }
             Step::Change { action, units } => (action, units),

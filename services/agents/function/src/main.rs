@@ -3,6 +3,7 @@
 mod action_result;
 mod actor;
 mod file_requests;
+mod labels;
 
 use std::process::ExitCode;
 

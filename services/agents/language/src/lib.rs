@@ -45,6 +45,7 @@ pub mod reply;
 pub mod report;
 pub mod request_ids;
 pub mod resolution;
+pub mod resolved_names;
 mod syntax;
 mod text;
 pub mod unit_choice;

@@ -175,6 +175,17 @@ pub fn size(target: &Target, measure: &Measure) -> Option<String> {
     Some(format!("{} measure{s} about {x} × {y} × {z} {unit} and {verb}{s} about {volume}.", capital(&name)))
 }
 
+/// The look of a target in words: "The sac looks red, the smallest, round, on the right." `None` without words.
+#[must_use]
+pub fn look(target: &Target, words: &[String]) -> Option<String> {
+    if words.is_empty() {
+        return None;
+    }
+    let (name, plural) = crate::text::target(target);
+    let verb = if plural { "look" } else { "looks" };
+    Some(format!("{} {verb} {}.", capital(&name), words.join(", ")))
+}
+
 /// The answer to a question about size where the scene has no length unit: edges in the lengths of the file, where they are
 /// known. `None` for other questions.
 #[must_use]

@@ -8,10 +8,15 @@ use crate::syntax::token;
 
 /// A list in a sentence: "a", "a and b", "a, b and c".
 pub(crate) fn join(items: &[String]) -> String {
+    join_with(items, "and")
+}
+
+/// As [`join`], with another word before the last item.
+pub(crate) fn join_with(items: &[String], word: &str) -> String {
     match items {
         [] => String::new(),
         [only] => only.clone(),
-        [rest @ .., last] => format!("{} and {last}", rest.join(", ")),
+        [rest @ .., last] => format!("{} {word} {last}", rest.join(", ")),
     }
 }
 

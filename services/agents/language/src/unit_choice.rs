@@ -74,11 +74,16 @@ pub fn parse_answer(answer: &str, state: &State) -> Result<Option<String>, Inval
     }
 }
 
-/// The clause with a unit in place of a spoken name.
+/// The clause with units in place of a spoken name.
 #[must_use]
-pub fn substitute(mut clause: Clause, spoken: &str, unit: &str) -> Clause {
-    for name in clause.target.iter_mut().flat_map(|t| &mut t.names).filter(|n| *n == spoken) {
-        unit.clone_into(name);
+pub fn substitute(mut clause: Clause, spoken: &str, units: &[&str]) -> Clause {
+    if let Some(target) = &mut clause.target {
+        let names = std::mem::take(&mut target.names).into_iter();
+        let meant = |name: String| match name == spoken {
+            true => units.iter().map(|unit| (*unit).to_owned()).collect(),
+            false => vec![name],
+        };
+        target.names = names.flat_map(meant).collect();
     }
     clause
 }
@@ -146,8 +151,10 @@ mod tests {
     }
 
     #[test]
-    fn the_unit_replaces_the_name() {
-        let chosen = substitute(clause(Act::Hide, &["bulge", "vessel"]), "bulge", "sac");
+    fn units_replace_the_name() {
+        let chosen = substitute(clause(Act::Hide, &["bulge", "vessel"]), "bulge", &["sac"]);
         assert_eq!(chosen.target.unwrap().names, ["sac", "vessel"]);
+        let chosen = substitute(clause(Act::Hide, &["vessel", "bones"]), "bones", &["skull", "rib"]);
+        assert_eq!(chosen.target.unwrap().names, ["vessel", "skull", "rib"]);
     }
 }

@@ -46,6 +46,12 @@ impl Looks {
         self.units.get(unit).and_then(Option::as_ref)
     }
 
+    /// The units that have attributes, in rising order.
+    #[must_use]
+    pub fn known(&self) -> Vec<usize> {
+        (0..self.units.len()).filter(|unit| self.of(*unit).is_some()).collect()
+    }
+
     /// How well a demand fits each candidate, in their order. Sizes and places are judged among the candidates, since the small red
     /// one is small among the red ones. A single candidate is judged among all units.
     #[must_use]

@@ -1,10 +1,11 @@
 //! Visual attributes of a unit, from its Gaussians: colour, size, place, shape, opacity, density.
 //!
 //! [`Attributes`] holds what is measured on one unit. [`judge`] says how well a word such as "largest", "flat" or "on the left" fits
-//! one unit among others.
+//! one unit among others. [`words`] gives the words that fit a unit.
 
 pub mod judge;
 pub mod quality;
+pub mod words;
 
 use glam::{DMat3, DVec3};
 use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};

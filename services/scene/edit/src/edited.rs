@@ -82,7 +82,14 @@ impl EditState {
     /// [`EditError::TooMany`] where more than 4,096 parts look different.
     pub fn edited(&self, scene: &Scene, members: &Mask) -> Result<Scene, EditError> {
         let moved = (!self.is_as_in_file()).then(|| placed(scene, self));
-        let scene = moved.as_ref().unwrap_or(scene);
+        self.edited_placed(moved.as_ref().unwrap_or(scene), members)
+    }
+
+    /// As [`EditState::edited`], of the scene that [`PlacedScene::of`](crate::PlacedScene::of) gives for this state.
+    ///
+    /// # Errors
+    /// [`EditError::TooMany`] where more than 4,096 parts look different.
+    pub fn edited_placed(&self, scene: &Scene, members: &Mask) -> Result<Scene, EditError> {
         let mut units: Vec<BaseUnit> = Vec::new();
         for (base, look) in scene.units.iter().zip(self.base_units()) {
             for (part, rows) in self.parts(base, look, members) {

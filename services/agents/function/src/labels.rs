@@ -1,0 +1,99 @@
+//! Units that the labeling service finds for names that no unit has.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use sg_language::resolved_names;
+use sg_proto::bus::Code;
+use sg_proto::keys::{self, role};
+use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome};
+use sg_proto::language::ResolvedName;
+use sg_runtime::bus::{Bus, BusError};
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+
+/// Length of the queue of services that start and end.
+const QUEUE: usize = 64;
+/// Longest name that is sent, bytes: as long as the service takes.
+const MAX_TEXT_BYTES: usize = 512;
+
+/// What a name means.
+pub(crate) enum Meaning {
+    /// These units, at least one.
+    Units(Vec<ResolvedName>),
+    /// One of several units; a question to the person.
+    Question(String),
+    /// No unit, or a session without the service.
+    Unknown,
+}
+
+/// The labeling service, if the session has one.
+pub(crate) struct Labels {
+    bus: Bus,
+    /// Whether a labeling service was ready at some time. One that restarts is worth a wait.
+    is_served: Arc<AtomicBool>,
+}
+
+impl Labels {
+    /// Watches for a labeling service.
+    pub(crate) async fn watch(bus: Bus) -> Result<Self, BusError> {
+        let is_served = Arc::new(AtomicBool::new(false));
+        let mut changes = bus.watch_liveliness(QUEUE).await?;
+        let served = Arc::clone(&is_served);
+        tokio::spawn(async move {
+            while let Some(change) = changes.recv().await {
+                if change.alive && change.role == role::LABELING {
+                    served.store(true, Ordering::Relaxed);
+                }
+            }
+        });
+        Ok(Self { bus, is_served })
+    }
+
+    /// The units that a spoken name means at a revision of the scene. It takes at most half of the remaining time.
+    ///
+    /// # Errors
+    /// `Unavailable` or `DeadlineExceeded` where the service is away for longer.
+    pub(crate) async fn find(&self, spoken: &str, revision: u64, context: &Context) -> Result<Meaning, Fault> {
+        if !self.is_served.load(Ordering::Relaxed) || spoken.len() > MAX_TEXT_BYTES {
+            return Ok(Meaning::Unknown);
+        }
+        let request = FindRequest { text: spoken.to_owned(), at_least_revision: revision };
+        let inner = context.next().within(context.remaining() / 2);
+        let reply = match self.bus.ask(&keys::LABELING_FIND, &request, &inner).await {
+            Ok(reply) => reply,
+            Err(fault) if matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded) => return Err(fault),
+            Err(fault) => {
+                tracing::warn!(%fault, "the labeling service did not resolve a name");
+                return Ok(Meaning::Unknown);
+            }
+        };
+        Ok(match reply.outcome() {
+            Outcome::Match => Meaning::Units(reply.units.iter().map(|found| resolved(spoken, found)).collect()),
+            Outcome::Ambiguous => Meaning::Question(resolved_names::question(spoken, &reply.units)),
+            Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown,
+        })
+    }
+
+    /// Words for the look of a unit, or of the selection where the name is empty. None of a session without the service, or of
+    /// something invisible.
+    pub(crate) async fn look(&self, unit: &str, revision: u64, context: &Context) -> Vec<String> {
+        if !self.is_served.load(Ordering::Relaxed) {
+            return Vec::new();
+        }
+        let request = DescribeRequest { unit: unit.to_owned(), at_least_revision: revision };
+        let inner = context.next().within(context.remaining() / 2);
+        match self.bus.ask(&keys::LABELING_DESCRIBE, &request, &inner).await {
+            Ok(reply) => reply.words,
+            Err(fault) => {
+                tracing::debug!(%fault, "no look");
+                Vec::new()
+            }
+        }
+    }
+}
+
+fn resolved(spoken: &str, found: &Candidate) -> ResolvedName {
+    let (unit, explanation) = (found.unit.clone(), found.explanation.clone());
+    ResolvedName { spoken: spoken.to_owned(), unit, explanation, ..ResolvedName::default() }
+}

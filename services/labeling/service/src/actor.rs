@@ -1,0 +1,222 @@
+//! The labeling process: it answers which units a text means, and how units look.
+//!
+//! It keeps no state of its own: names and looks are those of the scene. So a restart loses nothing.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sg_edit::{EditState, PlacedScene, Replica};
+use sg_formats::load_verified::load_verified;
+use sg_labeling::attributes::judge::Looks;
+use sg_labeling::attributes::words::describing;
+use sg_proto::keys::{self, role};
+use sg_proto::labeling;
+use sg_runtime::actor::{Actor, ActorError, Mailbox, Reply};
+use sg_runtime::bus::RetainedValue;
+use sg_runtime::context::Context;
+use sg_runtime::fault::Fault;
+use sg_runtime::process::{Host, StartError};
+use sg_runtime::scene_replica::SceneReplica;
+
+use crate::measured_units::{MeasuredUnits, Units, labelled};
+use crate::wire;
+
+/// Length of the request queue.
+const QUEUE: usize = 8;
+/// Longest text to find, bytes.
+const MAX_TEXT_BYTES: usize = 512;
+/// Time without a change of the scene after which units are measured in advance.
+const SETTLED: Duration = Duration::from_millis(250);
+/// What answers are based on.
+const METHOD: &str = "labels and looks, without a neural network";
+
+/// Parameters in the launch file: none.
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Params {}
+
+/// Loads the scene and starts to serve.
+///
+/// # Errors
+/// [`StartError`] for invalid parameters, an unreadable scene or a failure of the bus.
+pub(crate) async fn start(host: Host) -> Result<(), StartError> {
+    if host.role() != role::LABELING {
+        return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::LABELING)));
+    }
+    let Params {} = host.params()?;
+    let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
+    let newest = scene.newest();
+    let geometry = newest.replica.state().geometry();
+    let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
+    let file = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash));
+    let file = file.map_err(|e| StartError::Input(e.to_string()))?;
+    let units = MeasuredUnits::new(PlacedScene::new(Arc::new(file)));
+    let mut labeler = Labeler { scene: scene.clone(), units, answered: 0 };
+    tokio::task::block_in_place(|| labeler.measured(newest.replica.state()))
+        .map_err(|fault| StartError::Failed(fault.message))?;
+
+    let owned = host.bus().retain(&keys::LABELING_STATE, state_message(newest.replica.state())).await?;
+    let (mailbox, _) = host.spawn(labeler, QUEUE);
+    tokio::spawn(follow(scene, mailbox.clone(), owned));
+    host.route(&keys::LABELING_FIND, QUEUE, &mailbox, |request, context, reply| Message::Find {
+        request,
+        context,
+        reply,
+    })
+    .await?;
+    host.route(&keys::LABELING_DESCRIBE, QUEUE, &mailbox, |request, context, reply| Message::Describe {
+        request,
+        context,
+        reply,
+    })
+    .await?;
+    Ok(())
+}
+
+fn state_message(state: &EditState) -> labeling::State {
+    let units = u32::try_from(labelled(state).count()).unwrap_or(u32::MAX);
+    labeling::State { revision: state.revision(), units, method: METHOD.to_owned() }
+}
+
+/// Publishes the newest revision, and measures its units once the scene has settled.
+async fn follow(mut scene: SceneReplica<Replica>, mailbox: Mailbox<Message>, owned: RetainedValue<labeling::State>) {
+    let mut is_measured = true;
+    loop {
+        let changed =
+            if is_measured { Ok(scene.changed().await) } else { tokio::time::timeout(SETTLED, scene.changed()).await };
+        match changed {
+            Ok(Some(newer)) => {
+                is_measured = false;
+                let message = state_message(newer.replica.state());
+                if let Err(fault) = owned.set(message, &newer.context.next()).await {
+                    tracing::warn!(%fault, "the state could not be published");
+                }
+            }
+            Ok(None) => return,
+            Err(_) => {
+                is_measured = true;
+                // A full queue holds requests, which measure the units too.
+                let _ = mailbox.tell(Message::Measure);
+            }
+        }
+    }
+}
+
+/// Requests to the labeler.
+enum Message {
+    /// Finds the units that a text means.
+    Find { request: labeling::FindRequest, context: Context, reply: Reply<labeling::FindReply> },
+    /// Describes a unit or the selection.
+    Describe { request: labeling::DescribeRequest, context: Context, reply: Reply<labeling::DescribeReply> },
+    /// Measures the units of the newest revision before somebody asks.
+    Measure,
+}
+
+/// The actor of the labels. It handles one request at a time.
+struct Labeler {
+    scene: SceneReplica<Replica>,
+    units: MeasuredUnits,
+    answered: u64,
+}
+
+/// Observable state of the labeler.
+#[derive(Clone)]
+struct LabelerState {
+    revision: u64,
+    answered: u64,
+}
+
+impl fmt::Display for LabelerState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "revision {}, {} requests", self.revision, self.answered)
+    }
+}
+
+impl Actor for Labeler {
+    type Message = Message;
+    type State = LabelerState;
+
+    fn name(&self) -> &'static str {
+        "labeler"
+    }
+
+    fn state(&self) -> LabelerState {
+        LabelerState { revision: self.scene.newest().replica.state().revision(), answered: self.answered }
+    }
+
+    async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
+        // A caller that has gone away loses only the reply.
+        match message {
+            Message::Find { request, context, reply } => {
+                let _ = reply.send(self.find(&request, &context).await);
+            }
+            Message::Describe { request, context, reply } => {
+                let _ = reply.send(self.describe(&request, &context).await);
+            }
+            Message::Measure => {
+                let state = Arc::clone(self.scene.newest().replica.state());
+                if let Err(fault) = tokio::task::block_in_place(|| self.measured(&state)) {
+                    tracing::warn!(%fault, "the units could not be measured");
+                }
+                return Ok(());
+            }
+        }
+        self.answered += 1;
+        Ok(())
+    }
+}
+
+impl Labeler {
+    /// The units of a state, measured.
+    fn measured(&mut self, state: &EditState) -> Result<Arc<Units>, Fault> {
+        self.units.of(state).map_err(|e| Fault::internal(e.to_string()))
+    }
+
+    async fn state_at(&self, revision: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
+        let newest = self.scene.at_least(revision, context.deadline).await?;
+        Ok(Arc::clone(newest.replica.state()))
+    }
+
+    async fn find(&mut self, request: &labeling::FindRequest, context: &Context) -> Result<labeling::FindReply, Fault> {
+        if request.text.len() > MAX_TEXT_BYTES {
+            let found = request.text.len();
+            return Err(Fault::invalid(format!("the text has {found} bytes; the limit is {MAX_TEXT_BYTES}")));
+        }
+        let state = self.state_at(request.at_least_revision, context).await?;
+        tokio::task::block_in_place(|| {
+            let units = self.measured(&state)?;
+            Ok(wire::encode(units.queryable.find(&request.text), &units))
+        })
+    }
+
+    async fn describe(
+        &mut self,
+        request: &labeling::DescribeRequest,
+        context: &Context,
+    ) -> Result<labeling::DescribeReply, Fault> {
+        let state = self.state_at(request.at_least_revision, context).await?;
+        tokio::task::block_in_place(|| {
+            let units = self.measured(&state)?;
+            let mut attributes = units.attributes.clone();
+            let at = if request.unit.is_empty() {
+                let selected = state.selection().mask();
+                if selected.is_none() {
+                    return Err(Fault::precondition("nothing is selected; select something or name a unit"));
+                }
+                attributes.push(self.units.look_of(&state, selected));
+                attributes.len() - 1
+            } else {
+                let at = units.names.iter().position(|name| *name == request.unit);
+                at.ok_or_else(|| Fault::not_found(format!("no unit is named `{}`", request.unit)))?
+            };
+            let look = attributes.get(at).copied().flatten();
+            let words = describing(&Looks::new(attributes, units.frame), at);
+            Ok(labeling::DescribeReply {
+                words,
+                look: look.map(|look| wire::encode_look(&request.unit, &look)),
+                revision: units.revision,
+            })
+        })
+    }
+}

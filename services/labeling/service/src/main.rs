@@ -1,0 +1,33 @@
+//! `supergaussian-labeling`: finds the units of a scene that a text means, offline and as a process of a session.
+
+mod actor;
+mod cli;
+mod measured_units;
+mod wire;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use sg_runtime::process::{self, ServeArgs};
+
+#[derive(Debug, Parser)]
+#[command(name = "supergaussian-labeling", version, about = "Which units a text means, and how they look")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Offline(cli::Command),
+    /// Serve a session (a supervisor starts this)
+    Serve(ServeArgs),
+}
+
+fn main() -> ExitCode {
+    match process::parse_command_line::<Arguments>().command {
+        Command::Offline(command) => cli::run(&command),
+        Command::Serve(args) => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
+    }
+}
