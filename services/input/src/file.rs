@@ -41,6 +41,29 @@ pub fn open(path: &Path) -> io::Result<RegularFile> {
     Ok(RegularFile { length: metadata.len(), identity: identity_of(&metadata), file })
 }
 
+/// Opens a named pipe for reading. Never waits for its writer: a read gives no bytes while there is none, and
+/// [`io::ErrorKind::WouldBlock`] while the writer has written nothing.
+///
+/// # Errors
+/// The system's error, or one line that says what stands there instead of a pipe. The line does not name the path.
+pub fn open_pipe(path: &Path) -> io::Result<File> {
+    check_is_pipe(&std::fs::metadata(path)?)?;
+    let flags = OFlag::O_NONBLOCK | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
+    let file = OpenOptions::new().read(true).custom_flags(flags.bits()).open(path)?;
+    check_is_pipe(&file.metadata()?)?;
+    Ok(file)
+}
+
+fn check_is_pipe(metadata: &Metadata) -> io::Result<()> {
+    let what = match metadata.file_type() {
+        kind if kind.is_fifo() => return Ok(()),
+        kind if kind.is_file() => "a regular file",
+        kind if kind.is_dir() => "a folder",
+        kind => special(kind),
+    };
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is {what}, not a named pipe; `mkfifo` makes one")))
+}
+
 /// Device and inode of a file: equal for two names of one file.
 #[must_use]
 pub fn identity_of(metadata: &Metadata) -> (u64, u64) {
@@ -177,6 +200,16 @@ mod tests {
             ("none", "No such file"),
         ] {
             let error = read(&at(name), 10).unwrap_err().to_string();
+            assert!(error.contains(part), "{name}: {error}");
+        }
+        assert!(open_pipe(&at("pipe")).is_ok() && open_pipe(&at("link")).is_ok());
+        for (name, part) in [
+            ("socket", "it is a socket, not a named pipe"),
+            ("zero", "it is a device"),
+            (".", "it is a folder"),
+            ("none", "No such file"),
+        ] {
+            let error = open_pipe(&at(name)).unwrap_err().to_string();
             assert!(error.contains(part), "{name}: {error}");
         }
         assert!(began.elapsed() < Duration::from_secs(1));

@@ -7,7 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 19] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 20] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -22,6 +22,7 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 19] = [
     ("sg-color", &[]),
     ("sg-labeling", &[]),
     ("sg-encoders", &[]),
+    ("sg-speech", &[]),
     ("sg-language", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),
