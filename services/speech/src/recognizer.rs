@@ -1,0 +1,78 @@
+//! What all recognizers and synthesizers have in common.
+
+use std::time::Duration;
+
+use crate::audio::Recording;
+use crate::child_process::Limits;
+use crate::error::SpeechError;
+use crate::phrases::PhraseGrammar;
+
+/// Longest utterance that a recognizer takes.
+pub const MAX_UTTERANCE: Duration = Duration::from_secs(60);
+
+/// A word with its place in the utterance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecognizedWord {
+    /// As it is said.
+    pub word: String,
+    /// Its begin.
+    pub start: Duration,
+    /// Its end.
+    pub end: Duration,
+}
+
+/// Another text that the utterance may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alternative {
+    /// As it is written.
+    pub text: String,
+    /// Log-likelihood beside the best one, at most 0; its scale depends on the recognizer.
+    pub score: f32,
+}
+
+/// What was recognised.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Recognition {
+    /// As it is written. Empty if nothing was heard.
+    pub text: String,
+    /// Probability that the text is what was said, 0 to 1, as calibrated.
+    pub confidence: f32,
+    /// Whether the confidence suffices to act. A text that does not is shown, not obeyed.
+    pub accepted: bool,
+    /// Other texts, the likeliest first, without the best one.
+    pub alternatives: Vec<Alternative>,
+    /// Words of the best text with their times.
+    pub words: Vec<RecognizedWord>,
+    /// Time that the recognizer took.
+    pub elapsed: Duration,
+}
+
+/// Turns an utterance into text.
+pub trait Recognizer: Send {
+    /// Its name, such as "sphinx".
+    fn name(&self) -> &'static str;
+
+    /// Recognises an utterance of 16 kHz samples. `phrases` are the sentences that are expected; what a recognizer makes of
+    /// them is its own: a grammar, a bias, or nothing.
+    ///
+    /// # Errors
+    /// [`SpeechError`].
+    fn recognize(
+        &mut self,
+        samples: &[f32],
+        phrases: &PhraseGrammar,
+        limits: &Limits,
+    ) -> Result<Recognition, SpeechError>;
+}
+
+/// Turns text into sound.
+pub trait Synthesizer: Send + Sync {
+    /// Its name, such as "espeak".
+    fn name(&self) -> &'static str;
+
+    /// Speaks one sentence. A text without words gives no samples.
+    ///
+    /// # Errors
+    /// [`SpeechError`].
+    fn synthesize(&self, sentence: &str, limits: &Limits) -> Result<Recording, SpeechError>;
+}
