@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
-# of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg,
+# of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg, speech programs
+# (espeak-ng, flite, pocketsphinx),
 # cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
 # (ops/monado.sh). Does nothing where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
@@ -23,6 +24,10 @@ have Xvfb || packages+=(xvfb)
 have xdotool || packages+=(xdotool)
 have openbox || packages+=(openbox)
 have ffmpeg || packages+=(ffmpeg)
+have espeak-ng || packages+=(espeak-ng)
+have flite || packages+=(flite)
+have pocketsphinx_batch || packages+=(pocketsphinx)
+[[ -e /usr/share/pocketsphinx/model/en-us/en-us/mdef ]] || packages+=(pocketsphinx-en-us)
 have npm || packages+=(nodejs npm)
 # A graphics card's own driver, if there is one, stays what is used; tests need any.
 compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || packages+=(mesa-vulkan-drivers)
