@@ -17,7 +17,7 @@ const CONDITIONS: [(Noise, f64); 3] = [(Noise::None, 0.0), (Noise::White, 15.0),
 
 /// One result: features with an intercept, whether it was right, and the condition.
 struct Sample {
-    x: [f64; 4],
+    x: [f64; 3],
     right: bool,
     condition: usize,
 }
@@ -43,7 +43,7 @@ fn main() {
                     let Some(features) = result.features else { continue };
                     let said = sg_speech::spoken::words(sentence);
                     let right = is_command && sg_speech::spoken::words(&result.recognition.text) == said;
-                    let x = [1.0, features.loss, features.worst_word, features.grammar_loss].map(f64::from);
+                    let x = [1.0, features.loss, features.worst_word].map(f64::from);
                     println!(
                         "{}\t{condition}\t{right}\t{is_command}\t{sentence}\t{}\t{x:.2?}",
                         voice.name, result.recognition.text
@@ -71,32 +71,32 @@ fn main() {
     }
 }
 
-fn probability(weights: &[f64; 4], x: &[f64; 4]) -> f64 {
+fn probability(weights: &[f64; 3], x: &[f64; 3]) -> f64 {
     let sum: f64 = weights.iter().zip(x).map(|(w, x)| w * x).sum();
     1.0 / (1.0 + (-sum).exp())
 }
 
 /// Logistic regression by Newton's method, with a small penalty on the weights (McCullagh and Nelder 1989, ch. 4).
-fn fit(samples: &[Sample]) -> [f64; 4] {
-    let mut weights = [0.0; 4];
+fn fit(samples: &[Sample]) -> [f64; 3] {
+    let mut weights = [0.0; 3];
     for _ in 0..50 {
-        let mut gradient = [0.0; 4];
-        let mut hessian = [[0.0; 4]; 4];
+        let mut gradient = [0.0; 3];
+        let mut hessian = [[0.0; 3]; 3];
         for sample in samples {
             let p = probability(&weights, &sample.x);
-            for i in 0..4 {
+            for i in 0..3 {
                 gradient[i] += (f64::from(u8::from(sample.right)) - p) * sample.x[i];
-                for j in 0..4 {
+                for j in 0..3 {
                     hessian[i][j] += p * (1.0 - p) * sample.x[i] * sample.x[j];
                 }
             }
         }
-        for i in 0..4 {
+        for i in 0..3 {
             gradient[i] -= 0.01 * weights[i];
             hessian[i][i] += 0.01;
         }
         let step = solve(hessian, gradient);
-        for i in 0..4 {
+        for i in 0..3 {
             weights[i] += step[i];
         }
     }
@@ -104,21 +104,21 @@ fn fit(samples: &[Sample]) -> [f64; 4] {
 }
 
 /// Gaussian elimination with pivots.
-fn solve(mut a: [[f64; 4]; 4], mut b: [f64; 4]) -> [f64; 4] {
-    for i in 0..4 {
-        let pivot = (i..4).max_by(|x, y| a[*x][i].abs().total_cmp(&a[*y][i].abs())).unwrap();
+fn solve(mut a: [[f64; 3]; 3], mut b: [f64; 3]) -> [f64; 3] {
+    for i in 0..3 {
+        let pivot = (i..3).max_by(|x, y| a[*x][i].abs().total_cmp(&a[*y][i].abs())).unwrap();
         a.swap(i, pivot);
         b.swap(i, pivot);
-        for row in i + 1..4 {
+        for row in i + 1..3 {
             let factor = a[row][i] / a[i][i];
-            for column in i..4 {
+            for column in i..3 {
                 a[row][column] -= factor * a[i][column];
             }
             b[row] -= factor * b[i];
         }
     }
-    for i in (0..4).rev() {
-        for column in i + 1..4 {
+    for i in (0..3).rev() {
+        for column in i + 1..3 {
             b[i] -= a[i][column] * b[column];
         }
         b[i] /= a[i][i];

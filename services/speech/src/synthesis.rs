@@ -32,7 +32,8 @@ pub struct Espeak {
 }
 
 impl Espeak {
-    /// Finds espeak-ng on a search path. Voices are named as by `espeak-ng --voices`, such as `en-us`.
+    /// Finds espeak-ng on a search path. Voices are named as by `espeak-ng --voices`, such as `en-us`. The program takes its
+    /// default voice for an unknown name.
     ///
     /// # Errors
     /// [`SpeechError::Missing`], or a voice or speed that cannot be one.
@@ -73,7 +74,8 @@ pub struct Flite {
 }
 
 impl Flite {
-    /// Finds flite on a search path. Voices are named as by `flite -lv`, such as `slt`.
+    /// Finds flite on a search path. Voices are named as by `flite -lv`, such as `slt`. The program takes its default voice
+    /// for an unknown name.
     ///
     /// # Errors
     /// [`SpeechError::Missing`], or a voice that cannot be one.

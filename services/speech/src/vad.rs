@@ -1,9 +1,10 @@
 //! Voice activity: how likely a frame holds speech.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use crate::audio::level::{SILENCE_DB, decibels};
-use crate::audio::sane;
+use crate::audio::{SPEECH_RATE, duration_of, sane};
 
 /// Samples of a frame at 16 kHz: 16 ms.
 pub const FRAME: usize = 256;
@@ -13,9 +14,6 @@ const FLOOR_FRAMES: usize = 100;
 
 /// How far speech stands above the noise floor, in decibels, where the gate says 0.5.
 const MARGIN_DB: f32 = 7.0;
-
-/// The same beside the network, which needs the gate for the end of speech and for voices far away alone.
-const MARGIN_BESIDE_NETWORK_DB: f32 = 4.0;
 
 /// Width of the gate's slope in decibels.
 const SLOPE_DB: f32 = 1.5;
@@ -102,15 +100,10 @@ impl VoiceDetector for EnergyGate {
 
 /// The network behind the gate: the lower of both probabilities. The network knows voices from noise, and the gate knows the
 /// voice at this microphone from those behind it.
+#[derive(Default)]
 pub struct GatedDetector {
     network: NeuralDetector,
     gate: EnergyGate,
-}
-
-impl Default for GatedDetector {
-    fn default() -> Self {
-        Self { network: NeuralDetector::default(), gate: EnergyGate::with_margin(MARGIN_BESIDE_NETWORK_DB) }
-    }
 }
 
 impl VoiceDetector for GatedDetector {
@@ -122,6 +115,15 @@ impl VoiceDetector for GatedDetector {
         self.network.reset();
         self.gate.reset();
     }
+}
+
+/// Time of voice in 16 kHz samples, by the network.
+#[must_use]
+pub fn voiced(samples: &[f32]) -> Duration {
+    let mut network = NeuralDetector::default();
+    let (frames, _) = samples.as_chunks::<FRAME>();
+    let voiced = frames.iter().filter(|frame| network.probability(frame) >= 0.5).count();
+    duration_of(voiced * FRAME, SPEECH_RATE)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use rand::{RngExt as _, SeedableRng as _};
 use sg_speech::audio::resample::resample;
 use sg_speech::audio::sink::MemorySink;
 use sg_speech::audio::{Recording, SPEECH_RATE};
@@ -89,8 +90,12 @@ fn commands_are_understood_and_talk_is_refused() {
         let result = recognized(&mut sphinx, &said(&flite, talk));
         assert!(!result.accepted, "{talk}: {result:?}");
     }
-    let silent = recognized(&mut sphinx, &vec![0.0; SPEECH_RATE as usize]);
-    assert!(!silent.accepted, "{silent:?}");
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    for amplitude in [0.0, 0.001, 0.1] {
+        let noise: Vec<f32> = (0..SPEECH_RATE).map(|_| amplitude * rng.random_range(-1.0_f32..1.0)).collect();
+        let result = recognized(&mut sphinx, &noise);
+        assert!(!result.accepted, "noise of {amplitude}: {result:?}");
+    }
     assert_eq!(recognized(&mut sphinx, &[]).text, "");
     assert!(sphinx.recognize(&vec![0.0; 61 * SPEECH_RATE as usize], &grammar(), &limits()).is_err());
     let nothing = sphinx.recognize(&said(&flite, "undo"), &PhraseGrammar::new(), &limits()).unwrap();
@@ -113,8 +118,6 @@ fn text_reaches_the_program_as_text_alone() {
     assert_eq!(of("[[h@l'oU]] there"), of("  h@l'oU   there"));
     assert_eq!(of("<break time=\"3s\"/> there").len(), of(" break time=\"3s\"/  there").len());
     assert_eq!(of("…").len(), 0);
-    let unknown = Espeak::find(path().as_deref(), "no-such-voice", 175).unwrap().synthesize("hello", &limits());
-    assert!(matches!(unknown, Err(SpeechError::Failed { .. })), "{unknown:?}");
     if let Some(flite) = installed(Flite::find(path().as_deref(), "slt")) {
         assert!(flite.synthesize("-o x --help", &limits()).unwrap().samples.len() > 8_000);
     }

@@ -13,16 +13,14 @@ pub struct Features {
     pub loss: f32,
     /// The same of the worst word.
     pub worst_word: f32,
-    /// Loss of the grammar alone against the best state of each frame, for each frame of words.
-    pub grammar_loss: f32,
 }
 
 /// Frames that a short word's loss is divided by at least: a word of five frames is easily bad by chance.
 const LEAST_FRAMES: usize = 12;
 
-/// Logistic regression over [`Features`]: intercept, then weights of loss, worst word and grammar loss. Fitted by
+/// Logistic regression over [`Features`]: intercept, then weights of loss and worst word. Fitted by
 /// `examples/calibrate.rs` on sentences that no report uses.
-pub(super) const WEIGHTS: [f32; 4] = [6.0, -0.3, -0.1, 0.0];
+pub(super) const WEIGHTS: [f32; 3] = [9.8, -0.098, -0.132];
 
 impl Features {
     /// Of the grammar's segments and of the free phones' over the same frames; `None` without a word.
@@ -35,18 +33,14 @@ impl Features {
             |word: &&Segment| loss_in(word.start, word.end) / (word.end - word.start).max(LEAST_FRAMES) as f32;
         let worst_word = words.iter().map(of_word).reduce(f32::max)?;
         let frames = frames.max(1) as f32;
-        Some(Self {
-            loss: loss_in(0, end) / frames,
-            worst_word,
-            grammar_loss: -score_between(grammar, 0, end) / frames,
-        })
+        Some(Self { loss: loss_in(0, end) / frames, worst_word })
     }
 
     /// Probability that the result is what was said.
     #[must_use]
     pub fn confidence(&self) -> f32 {
-        let [intercept, loss, worst_word, grammar_loss] = WEIGHTS;
-        let sum = intercept + loss * self.loss + worst_word * self.worst_word + grammar_loss * self.grammar_loss;
+        let [intercept, loss, worst_word] = WEIGHTS;
+        let sum = intercept + loss * self.loss + worst_word * self.worst_word;
         1.0 / (1.0 + (-sum).exp())
     }
 }
@@ -67,8 +61,8 @@ mod tests {
         };
         let good = Features::of(&grammar(-350.0), &phones).unwrap();
         assert!((good.loss - 2.5).abs() < 1e-4 && (good.worst_word - 3.0).abs() < 1e-4, "{good:?}");
-        let bad = Features::of(&grammar(-2_000.0), &phones).unwrap();
-        assert!((bad.worst_word - 36.0).abs() < 1e-4, "{bad:?}");
+        let bad = Features::of(&grammar(-5_000.0), &phones).unwrap();
+        assert!((bad.worst_word - 96.0).abs() < 1e-4, "{bad:?}");
         assert!(good.confidence() > 0.8 && bad.confidence() < 0.2, "{} {}", good.confidence(), bad.confidence());
         assert_eq!(Features::of(&[], &phones), None);
         assert_eq!(Features::of(&[segment("<sil>", 0, 9, -1.0)], &phones), None);

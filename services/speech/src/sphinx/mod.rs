@@ -23,6 +23,7 @@ use crate::child_process::{Limits, Program};
 use crate::error::SpeechError;
 use crate::phrases::PhraseGrammar;
 use crate::recognizer::{Alternative, MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer};
+use crate::vad::voiced;
 
 /// Where Debian's packages put the models.
 pub const MODELS: &str = "/usr/share/pocketsphinx/model/en-us";
@@ -33,11 +34,11 @@ const MAX_RESULT: u64 = 1 << 20;
 /// Alternatives that are asked for.
 const ALTERNATIVES: usize = 5;
 
-/// Shortest sound that is decoded; the program wants a few frames.
-const SHORTEST: Duration = Duration::from_millis(100);
+/// Shortest voice that is decoded.
+const SHORTEST: Duration = Duration::from_millis(96);
 
 /// Confidence from which a result is accepted, unless set otherwise.
-pub const ACCEPTED_FROM: f32 = 0.5;
+pub const ACCEPTED_FROM: f32 = 0.6;
 
 /// A result with what its confidence was computed from, for calibration.
 #[derive(Debug, Clone, PartialEq)]
@@ -157,7 +158,8 @@ impl Sphinx {
         }
         self.prepare(phrases, limits)?;
         let Some(prepared) = &self.prepared else { return Err(SpeechError::Cancelled) };
-        if prepared.is_empty || length < SHORTEST {
+        // A grammar finds a sentence in silence too, and free phones explain silence no better.
+        if prepared.is_empty || voiced(samples) < SHORTEST {
             return Ok(SphinxResult { recognition: Recognition::default(), features: None });
         }
         let folder = prepared.folder.path();
