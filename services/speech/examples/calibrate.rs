@@ -2,7 +2,14 @@
 //!
 //! `cargo run --release -p sg-speech --example calibrate`
 
-#![allow(clippy::print_stdout, clippy::expect_used, clippy::unwrap_used, reason = "a measurement prints and may stop")]
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::expect_used,
+    clippy::unwrap_used,
+    clippy::needless_range_loop,
+    reason = "a measurement prints and may stop; matrices are written with indices"
+)]
 
 mod corpus;
 

@@ -2,7 +2,13 @@
 //!
 //! `cargo run --release -p sg-speech --example recognition -- [EVERY]` takes every EVERYth sentence in noise, all when clean.
 
-#![allow(clippy::print_stdout, clippy::expect_used, clippy::unwrap_used, reason = "a measurement prints and may stop")]
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::expect_used,
+    clippy::unwrap_used,
+    reason = "a measurement prints and may stop"
+)]
 
 mod corpus;
 

@@ -284,8 +284,9 @@ impl Endpointer {
     }
 
     fn is_open(&self) -> bool {
-        !self.muted
-            && !(self.replying && self.settings.barge_in == BargeIn::Off && self.settings.trigger == Trigger::Voice)
+        let is_closed_by_reply =
+            self.replying && self.settings.barge_in == BargeIn::Off && self.settings.trigger == Trigger::Voice;
+        !self.muted && !is_closed_by_reply
     }
 
     /// Voice that begins an utterance now, in samples.

@@ -39,7 +39,7 @@ pub struct Recognition {
     pub confidence: f32,
     /// Whether the confidence suffices to act. A text that does not is shown, not obeyed.
     pub accepted: bool,
-    /// Other texts, the likeliest first, without the best one.
+    /// Other texts, the likeliest first, without the best one. Empty where a recognizer gives none, as sphinx.
     pub alternatives: Vec<Alternative>,
     /// Words of the best text with their times.
     pub words: Vec<RecognizedWord>,

@@ -107,26 +107,23 @@ fn number(digits: &str, words: &mut Vec<String>) {
 
 fn cardinal(value: u64, words: &mut Vec<String>) {
     let mut say = |word: &str| words.push(word.to_owned());
-    match value {
-        0..20 => say(ONES[value as usize]),
+    let (unit, name) = match value {
+        0..20 => return say(ONES[value as usize]),
         20..100 => {
             say(TENS[value as usize / 10]);
-            if value % 10 > 0 {
+            if !value.is_multiple_of(10) {
                 say(ONES[value as usize % 10]);
             }
+            return;
         }
-        _ => {
-            let (unit, name) = match value {
-                ..1_000 => (100, "hundred"),
-                ..1_000_000 => (1_000, "thousand"),
-                _ => (1_000_000, "million"),
-            };
-            cardinal(value / unit, words);
-            words.push(name.to_owned());
-            if value % unit > 0 {
-                cardinal(value % unit, words);
-            }
-        }
+        100..1_000 => (100, "hundred"),
+        1_000..1_000_000 => (1_000, "thousand"),
+        _ => (1_000_000, "million"),
+    };
+    cardinal(value / unit, words);
+    words.push(name.to_owned());
+    if !value.is_multiple_of(unit) {
+        cardinal(value % unit, words);
     }
 }
 

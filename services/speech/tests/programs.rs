@@ -83,7 +83,6 @@ fn commands_are_understood_and_talk_is_refused() {
         let result = recognized(&mut sphinx, &said(&flite, command));
         assert!(result.accepted && result.text == command, "{command}: {result:?}");
         assert!(result.words.windows(2).all(|pair| pair[0].end <= pair[1].start), "{result:?}");
-        assert!(result.alternatives.iter().all(|other| other.text != command && other.score <= 0.0), "{result:?}");
     }
     for talk in ["what a nice day it is today", "i would like a cup of coffee please", "my sister is moving to canada"]
     {

@@ -22,7 +22,7 @@ use crate::audio::{SPEECH_RATE, duration_of};
 use crate::child_process::{Limits, Program};
 use crate::error::SpeechError;
 use crate::phrases::PhraseGrammar;
-use crate::recognizer::{Alternative, MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer};
+use crate::recognizer::{MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer};
 use crate::vad::voiced;
 
 /// Where Debian's packages put the models.
@@ -30,9 +30,6 @@ pub const MODELS: &str = "/usr/share/pocketsphinx/model/en-us";
 
 /// Most bytes of a result.
 const MAX_RESULT: u64 = 1 << 20;
-
-/// Alternatives that are asked for.
-const ALTERNATIVES: usize = 5;
 
 /// Shortest voice that is decoded.
 const SHORTEST: Duration = Duration::from_millis(96);
@@ -178,7 +175,6 @@ impl Sphinx {
             let recognition = Recognition { elapsed: began.elapsed(), ..Recognition::default() };
             return Ok(SphinxResult { recognition, features: None });
         };
-        let alternatives = alternatives(&folder.join("u.hyp"), &said, phrases)?;
         // An utterance that stops in the middle of a sentence is decoded to its part: that is no command.
         let written = phrases.written(&said);
         let whole = written.is_some();
@@ -187,7 +183,7 @@ impl Sphinx {
             text: written.unwrap_or(said),
             confidence,
             accepted: whole && confidence >= self.accepted_from,
-            alternatives,
+            alternatives: Vec::new(),
             words: grammar.iter().filter(|segment| !segment.is_filler()).map(recognized_word).collect(),
             elapsed: began.elapsed(),
         };
@@ -249,7 +245,8 @@ fn grammar_arguments(folder: &Path) -> Vec<OsString> {
     arguments.extend(["-jsgf".into(), folder.join("commands.jsgf").into()]);
     // Wide beams: in babble at 12 dB they raise the commands that are right from 79 to 109 of 136. Wider ones change nothing.
     arguments.extend(["-beam", "1e-80", "-pbeam", "1e-80", "-wbeam", "1e-60"].map(Into::into));
-    arguments.extend(["-nbest".into(), ALTERNATIVES.to_string().into(), "-nbestdir".into(), folder.into()]);
+    // No list of alternatives: the program's search for it takes ten times as long as the decoding where speech is off topic.
+    arguments.extend(["-bestpath", "no"].map(Into::into));
     arguments
 }
 
@@ -260,29 +257,4 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), SpeechError> {
 fn recognized_word(segment: &Segment) -> RecognizedWord {
     let at = |frame: usize| Duration::from_secs_f32(frame as f32 / FRAME_RATE);
     RecognizedWord { word: segment.word.clone(), start: at(segment.start), end: at(segment.end) }
-}
-
-/// Reads the list of alternatives: a text and its score on each line, the best first, often several times.
-fn alternatives(path: &Path, best: &str, phrases: &PhraseGrammar) -> Result<Vec<Alternative>, SpeechError> {
-    let text = match sg_input::file::read_text(path, MAX_RESULT) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(SpeechError::File(format!("{}: {error}", path.display()))),
-    };
-    let _ = std::fs::remove_file(path);
-    let scored = |line: &str| -> Option<(String, f32)> {
-        let (said, score) = line.rsplit_once(' ')?;
-        Some((said.trim().to_owned(), score.parse().ok()?))
-    };
-    let mut all: Vec<(String, f32)> = Vec::new();
-    for (said, score) in text.lines().filter_map(scored) {
-        if !all.iter().any(|(other, _)| *other == said) {
-            all.push((said, score));
-        }
-    }
-    let top = all.iter().map(|(_, score)| *score).fold(f32::NEG_INFINITY, f32::max);
-    let others = all.into_iter().filter(|(said, _)| said != best);
-    let written =
-        |(said, score): (String, f32)| Some(Alternative { text: phrases.written(&said)?, score: score - top });
-    Ok(others.filter_map(written).collect())
 }
