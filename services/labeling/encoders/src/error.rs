@@ -1,58 +1,17 @@
 //! What can go wrong with a model's folder and with what it encodes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use sg_layers::ModelError;
 
 use crate::embedding::EmbeddingError;
 
 /// Why a model was not opened, or an input not encoded. Each message is one line with the file, the place in it and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum EncoderError {
-    /// A file of the model's folder is absent, too long, truncated or not what its name says.
-    #[error("{}: {problem}", .path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it, and the remedy.
-        problem: String,
-    },
-    /// A value of a configuration is out of bounds or not supported.
-    #[error("{}: `{key}`: {problem}", .path.display())]
-    Config {
-        /// The file.
-        path: PathBuf,
-        /// The key in it, with dots between its parts.
-        key: String,
-        /// What is wrong with its value, and the remedy.
-        problem: String,
-    },
-    /// A tensor that the configuration asks for is not among the weights.
-    #[error(
-        "{}: no tensor `{tensor}` of shape {expected:?}; take weights and configuration from the same model, whole",
-        .path.display()
-    )]
-    NoTensor {
-        /// The file of weights.
-        path: PathBuf,
-        /// Name of the tensor.
-        tensor: String,
-        /// Shape by the configuration.
-        expected: Vec<usize>,
-    },
-    /// A tensor has another shape than the configuration says.
-    #[error(
-        "{}: tensor `{tensor}` has shape {found:?}, but the configuration asks for {expected:?}; take both from the same model",
-        .path.display()
-    )]
-    Shape {
-        /// The file of weights.
-        path: PathBuf,
-        /// Name of the tensor.
-        tensor: String,
-        /// Shape by the configuration.
-        expected: Vec<usize>,
-        /// Shape in the file.
-        found: Vec<usize>,
-    },
+    /// The model's files do not make a model, or it computed nothing.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// A text was not encoded.
     #[error("text {index}: {problem}")]
     Text {
@@ -67,17 +26,20 @@ pub enum EncoderError {
     /// The model gave a vector without a direction.
     #[error("the model gave no embedding: {0}; its weights may be damaged")]
     Embedding(#[from] EmbeddingError),
-    /// The tensor library refused an operation.
-    #[error("the computation of an embedding failed: {0}")]
-    Computation(#[from] candle_core::Error),
+}
+
+impl From<candle_core::Error> for EncoderError {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Model(error.into())
+    }
 }
 
 impl EncoderError {
     pub(crate) fn file(path: &Path, problem: impl Into<String>) -> Self {
-        Self::File { path: path.to_owned(), problem: problem.into() }
+        ModelError::file(path, problem).into()
     }
 
     pub(crate) fn config(path: &Path, key: &str, problem: impl Into<String>) -> Self {
-        Self::Config { path: path.to_owned(), key: key.to_owned(), problem: problem.into() }
+        ModelError::config(path, key, problem).into()
     }
 }

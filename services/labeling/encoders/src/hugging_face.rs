@@ -3,12 +3,9 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use sg_layers::{Activation, MAX_CONTEXT, MAX_VOCABULARY, MAX_WIDTH, read_json, within};
 
-use crate::activation::Activation;
-use crate::config::{
-    HUGGING_FACE_KEYS, ImageTextConfig, MAX_CONTEXT, MAX_IMAGE, MAX_VOCABULARY, MAX_WIDTH, TextConfig, TextPooling,
-    VisionConfig, read_json, within,
-};
+use crate::config::{HUGGING_FACE_KEYS, ImageTextConfig, MAX_IMAGE, TextConfig, TextPooling, VisionConfig};
 use crate::error::EncoderError;
 use crate::layout::Layout;
 use crate::preprocess::{CropRounding, Preprocess, Resize};

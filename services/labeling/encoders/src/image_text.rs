@@ -4,19 +4,18 @@ use std::path::Path;
 
 use candle_core::{Device, Tensor};
 use sg_input::file;
+use sg_layers::{Kind, Precision, Weights};
 
 use crate::batches::{embeddings, encode_by_length};
-use crate::config::ImageTextConfig;
+use crate::config::{ImageTextConfig};
 use crate::embedding::Embedding;
 use crate::encoder::{ImageEncoder, TextEncoder};
 use crate::error::EncoderError;
 use crate::image::RgbImage;
 use crate::layout::Layout;
-use crate::matrix::Precision;
 use crate::text::TextTower;
 use crate::tokens::TextTokens;
 use crate::vision::VisionTower;
-use crate::weights::{Kind, Weights};
 use crate::{hugging_face, open_clip};
 
 /// Most images in one pass. More of them take memory and no less time for each.

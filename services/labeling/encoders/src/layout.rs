@@ -1,6 +1,6 @@
 //! Names of tensors in the three layouts of files with an image and a text tower.
 
-use crate::layers::ProjectionName;
+use crate::projection::ProjectionName;
 use crate::transformer::{BlockNames, QueryKeyValue};
 
 /// A layout of configuration and weights.

@@ -7,8 +7,6 @@
 //! All towers are one pre- or post-norm transformer (`transformer`) with names of tensors by layout (`layout`). Tests compare
 //! them with the published implementations, see `tests/fixtures/make.py`.
 
-mod activation;
-mod attention;
 mod batches;
 mod config;
 mod embedding;
@@ -18,18 +16,16 @@ mod fusion;
 mod hugging_face;
 mod image;
 mod image_text;
-mod layers;
 mod layout;
-mod matrix;
 mod open_clip;
 mod preprocess;
+mod projection;
 mod resample;
 mod sentence;
 mod text;
 mod tokens;
 mod transformer;
 mod vision;
-mod weights;
 
 #[cfg(test)]
 mod hostile_tests;
@@ -43,5 +39,5 @@ pub use fusion::{Fusion, fuse};
 pub use image::{Pixels, RgbImage};
 pub use image_text::ImageTextModel;
 pub use layout::Layout;
-pub use matrix::Precision;
 pub use sentence::SentenceEncoder;
+pub use sg_layers::{ModelError, Precision};

@@ -4,12 +4,9 @@ use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use sg_layers::{Activation, MAX_CONTEXT, MAX_VOCABULARY, MAX_WIDTH, read_json, within};
 
-use crate::activation::Activation;
-use crate::config::{
-    ImageTextConfig, MAX_CONTEXT, MAX_IMAGE, MAX_VOCABULARY, MAX_WIDTH, TextConfig, TextPooling, TransformerKeys,
-    VisionConfig, read_json, within,
-};
+use crate::config::{ImageTextConfig, MAX_IMAGE, TextConfig, TextPooling, TransformerKeys, VisionConfig};
 use crate::error::EncoderError;
 use crate::layout::Layout;
 use crate::preprocess::{CropRounding, Preprocess, Resize};

@@ -5,20 +5,16 @@ use std::path::Path;
 use candle_core::{Device, Tensor};
 use serde::Deserialize;
 use sg_input::file;
+use sg_layers::{Activation, Batch, Hidden, Kind, LayerNorm, MAX_CONTEXT, MAX_VOCABULARY, Matrix, Precision, Weights, read_json, within};
 
-use crate::activation::Activation;
-use crate::attention::{Batch, Hidden};
 use crate::batches::encode_by_length;
-use crate::config::{HUGGING_FACE_KEYS, MAX_CONTEXT, MAX_VOCABULARY, read_json, within};
+use crate::config::{HUGGING_FACE_KEYS};
 use crate::embedding::Embedding;
 use crate::encoder::TextEncoder;
 use crate::error::EncoderError;
 use crate::hugging_face::named;
-use crate::layers::LayerNorm;
-use crate::matrix::{Matrix, Precision};
 use crate::tokens::TextTokens;
 use crate::transformer::{BlockNames, NormOrder, QueryKeyValue, Transformer, TransformerConfig};
-use crate::weights::{Kind, Weights};
 
 /// What tells kinds of configurations apart, whatever else they have.
 #[derive(Deserialize)]

@@ -1,15 +1,12 @@
 //! Text towers of models with images and texts.
 
 use candle_core::{Device, Tensor};
+use sg_layers::{Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Precision, Weights};
 
-use crate::attention::{Batch, Hidden};
 use crate::config::{TextConfig, TextPooling};
 use crate::error::EncoderError;
-use crate::layers::{LayerNorm, Linear};
 use crate::layout::Layout;
-use crate::matrix::{Matrix, Precision};
 use crate::transformer::{NormOrder, Transformer};
-use crate::weights::{Kind, Weights};
 
 pub(crate) struct TextTower {
     tokens: Matrix,
@@ -47,7 +44,7 @@ impl TextTower {
                 precision,
             )?,
             norm_after: LayerNorm::read(weights, names.norm_after, width, transformer.epsilon)?,
-            projection: Linear::read_projection(weights, &names.projection, [dimension, width], precision)?,
+            projection: names.projection.read(weights, [dimension, width], precision)?,
             pooling: config.pooling,
             context: config.context,
         })

@@ -1,13 +1,9 @@
 //! The transformer that all encoders share: blocks of attention and a perceptron, with norms before or after them.
 
 use candle_core::Tensor;
+use sg_layers::{Activation, Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Perceptron, Precision, SelfAttention, Weights};
 
-use crate::activation::Activation;
-use crate::attention::{Batch, Hidden, SelfAttention};
 use crate::error::EncoderError;
-use crate::layers::{LayerNorm, Linear};
-use crate::matrix::{Matrix, Precision};
-use crate::weights::{Kind, Weights};
 
 /// Size and kind of a transformer.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,31 +71,17 @@ impl QueryKeyValue {
     }
 }
 
-/// Two layers with an activation between.
-pub(crate) struct Perceptron {
-    up: Linear,
-    down: Linear,
-    activation: Activation,
-}
-
-impl Perceptron {
-    pub(crate) fn read(
-        weights: &mut Weights,
-        names: [&str; 2],
-        config: &TransformerConfig,
-        precision: Precision,
-    ) -> Result<Self, EncoderError> {
-        let (width, inner) = (config.width, config.inner);
-        Ok(Self {
-            up: Linear::read(weights, names[0], [inner, width], precision)?,
-            down: Linear::read(weights, names[1], [width, inner], precision)?,
-            activation: config.activation,
-        })
-    }
-
-    pub(crate) fn apply(&self, rows: &Tensor) -> Result<Tensor, EncoderError> {
-        self.down.apply(&self.up.apply(rows, Some(self.activation))?, None)
-    }
+/// A perceptron from the names of its two layers.
+pub(crate) fn read_perceptron(
+    weights: &mut Weights,
+    names: [&str; 2],
+    config: &TransformerConfig,
+    precision: Precision,
+) -> Result<Perceptron, EncoderError> {
+    let (width, inner) = (config.width, config.inner);
+    let up = Linear::read(weights, names[0], [inner, width], precision)?;
+    let down = Linear::read(weights, names[1], [width, inner], precision)?;
+    Ok(Perceptron::new(up, down, config.activation))
 }
 
 struct Block {
@@ -127,7 +109,7 @@ impl Block {
             attention_norm: LayerNorm::read(weights, &name(names.attention_norm), width, config.epsilon)?,
             attention: SelfAttention::new(stacked, output, config.heads),
             perceptron_norm: LayerNorm::read(weights, &name(names.perceptron_norm), width, config.epsilon)?,
-            perceptron: Perceptron::read(weights, [&up, &down], config, precision)?,
+            perceptron: read_perceptron(weights, [&up, &down], config, precision)?,
         })
     }
 

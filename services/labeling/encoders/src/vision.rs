@@ -1,15 +1,12 @@
 //! Image towers: vision transformers (Dosovitskiy et al. 2021) with a class token or with attention pooling.
 
 use candle_core::{Device, Tensor};
+use sg_layers::{Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Perceptron, Precision, Weights, attend, split_heads};
 
-use crate::attention::{Batch, Hidden, attend, split_heads};
-use crate::config::VisionConfig;
+use crate::config::{VisionConfig};
 use crate::error::EncoderError;
-use crate::layers::{LayerNorm, Linear};
 use crate::layout::{Layout, VisionHead};
-use crate::matrix::{Matrix, Precision};
-use crate::transformer::{NormOrder, Perceptron, QueryKeyValue, Transformer, TransformerConfig};
-use crate::weights::{Kind, Weights};
+use crate::transformer::{NormOrder, QueryKeyValue, Transformer, TransformerConfig, read_perceptron};
 
 pub(crate) struct VisionTower {
     patches: Linear,
@@ -42,7 +39,7 @@ impl VisionTower {
             VisionHead::Class { token, norm_before, projection } => Head::Class {
                 token: Tensor::from_vec(weights.values(token, &[width], Kind::Shift)?, (1, 1, width), &Device::Cpu)?,
                 norm_before: LayerNorm::read(weights, norm_before, width, epsilon)?,
-                projection: Linear::read_projection(weights, projection, [dimension, width], precision)?,
+                projection: projection.read(weights, [dimension, width], precision)?,
             },
             VisionHead::AttentionPooling(prefix) => {
                 Head::Pooling(Box::new(AttentionPooling::read(weights, prefix, transformer, precision)?))
@@ -118,7 +115,7 @@ impl AttentionPooling {
             key_value: Linear::new(Matrix::of_layer(of_keys, 2 * width, width, precision)?, Some(keys_biases)),
             output: Linear::read(weights, &name("attention.out_proj"), [width, width], precision)?,
             norm: LayerNorm::read(weights, &name("layernorm"), width, config.epsilon)?,
-            perceptron: Perceptron::read(weights, [&name("mlp.fc1"), &name("mlp.fc2")], config, precision)?,
+            perceptron: read_perceptron(weights, [&name("mlp.fc1"), &name("mlp.fc2")], config, precision)?,
             heads,
         })
     }

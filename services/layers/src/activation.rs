@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// An activation function by its name in Hugging Face's configurations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-pub(crate) enum Activation {
+pub enum Activation {
     /// x·σ(1.702 x), of OpenAI's models.
     #[serde(rename = "quick_gelu")]
     QuickGelu,
@@ -20,7 +20,9 @@ pub(crate) enum Activation {
 }
 
 impl Activation {
-    pub(crate) fn apply(self, x: f32) -> f32 {
+    /// The function at x.
+    #[must_use]
+    pub fn apply(self, x: f32) -> f32 {
         match self {
             Self::QuickGelu => x / (1.0 + (-1.702 * x).exp()),
             Self::Gelu => 0.5 * x * (1.0 + libm::erff(x * FRAC_1_SQRT_2)),

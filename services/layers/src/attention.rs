@@ -2,12 +2,12 @@
 
 use candle_core::{Device, Tensor};
 
-use crate::error::EncoderError;
+use crate::error::ModelError;
 use crate::layers::Linear;
 
 /// Which keys a query does not see.
 #[derive(Clone, Copy)]
-pub(crate) enum Hidden<'a> {
+pub enum Hidden<'a> {
     /// None.
     Nothing,
     /// Those behind the query.
@@ -18,14 +18,19 @@ pub(crate) enum Hidden<'a> {
 
 /// Rows of a batch: `sequences` × `length`, sequence by sequence.
 #[derive(Clone, Copy)]
-pub(crate) struct Batch {
-    pub(crate) sequences: usize,
-    pub(crate) length: usize,
+pub struct Batch {
+    /// Number of sequences.
+    pub sequences: usize,
+    /// Tokens of each.
+    pub length: usize,
 }
 
 impl Hidden<'_> {
     /// What is added to the scores (sequences × heads × queries × keys), if anything.
-    pub(crate) fn mask(self, batch: Batch) -> Result<Option<Tensor>, EncoderError> {
+    ///
+    /// # Errors
+    /// [`ModelError::Computation`] where there are not as many lengths as sequences.
+    pub fn mask(self, batch: Batch) -> Result<Option<Tensor>, ModelError> {
         let of = |hidden: bool| if hidden { f32::NEG_INFINITY } else { 0.0 };
         let length = batch.length;
         match self {
@@ -45,7 +50,7 @@ impl Hidden<'_> {
 }
 
 /// Attention of a sequence to itself.
-pub(crate) struct SelfAttention {
+pub struct SelfAttention {
     /// Queries, keys and values of all heads, in this order, by one multiplication.
     query_key_value: Linear,
     output: Linear,
@@ -53,12 +58,17 @@ pub(crate) struct SelfAttention {
 }
 
 impl SelfAttention {
-    pub(crate) fn new(query_key_value: Linear, output: Linear, heads: usize) -> Self {
+    /// From the layer that gives queries, keys and values one behind the other, and the layer behind the attention.
+    #[must_use]
+    pub fn new(query_key_value: Linear, output: Linear, heads: usize) -> Self {
         Self { query_key_value, output, heads }
     }
 
     /// Rows (sequences · length × width) for rows.
-    pub(crate) fn apply(&self, rows: &Tensor, batch: Batch, mask: Option<&Tensor>) -> Result<Tensor, EncoderError> {
+    ///
+    /// # Errors
+    /// [`ModelError::Computation`] where shapes don't fit.
+    pub fn apply(&self, rows: &Tensor, batch: Batch, mask: Option<&Tensor>) -> Result<Tensor, ModelError> {
         let width = rows.dim(1)?;
         let all = self.query_key_value.apply(rows, None)?;
         let [queries, keys, values] = [0, 1, 2].map(|part| {
@@ -71,18 +81,24 @@ impl SelfAttention {
 }
 
 /// Rows (sequences · length × width) as sequences × heads × length × width of a head.
-pub(crate) fn split_heads(rows: &Tensor, batch: Batch, heads: usize) -> Result<Tensor, EncoderError> {
+///
+/// # Errors
+/// [`ModelError::Computation`] where shapes don't fit.
+pub fn split_heads(rows: &Tensor, batch: Batch, heads: usize) -> Result<Tensor, ModelError> {
     let shape = (batch.sequences, batch.length, heads, rows.dim(1)? / heads);
     Ok(rows.reshape(shape)?.transpose(1, 2)?.contiguous()?)
 }
 
 /// softmax(Q Kᵀ/√d + mask) V of each head, as rows (sequences · queries × width).
-pub(crate) fn attend(
+///
+/// # Errors
+/// [`ModelError::Computation`] where shapes don't fit.
+pub fn attend(
     queries: &Tensor,
     keys: &Tensor,
     values: &Tensor,
     mask: Option<&Tensor>,
-) -> Result<Tensor, EncoderError> {
+) -> Result<Tensor, ModelError> {
     let (sequences, heads, length, width) = queries.dims4()?;
     let scores = (queries * (width as f64).sqrt().recip())?.matmul(&keys.t()?)?;
     let scores = match mask {

@@ -19,7 +19,7 @@ pub enum Precision {
 }
 
 /// A matrix of `rows` × `columns`, row by row.
-pub(crate) struct Matrix {
+pub struct Matrix {
     rows: usize,
     columns: usize,
     values: Values,
@@ -36,7 +36,10 @@ const LEVELS: f32 = 127.0;
 
 impl Matrix {
     /// The weights of a linear layer; `values` has `rows` × `columns` of them.
-    pub(crate) fn of_layer(values: Vec<f32>, rows: usize, columns: usize, precision: Precision) -> Result<Self> {
+    ///
+    /// # Errors
+    /// Where there are more or fewer values.
+    pub fn of_layer(values: Vec<f32>, rows: usize, columns: usize, precision: Precision) -> Result<Self> {
         let values = match precision {
             Precision::F32 => Values::F32(Tensor::from_vec(values, (rows, columns), &Device::Cpu)?),
             Precision::F16 => Values::F16(to_f16(&values)),
@@ -59,17 +62,25 @@ impl Matrix {
     }
 
     /// A table of which rows are taken.
-    pub(crate) fn of_table(values: Vec<f32>, rows: usize, columns: usize, precision: Precision) -> Result<Self> {
+    ///
+    /// # Errors
+    /// As [`Matrix::of_layer`].
+    pub fn of_table(values: Vec<f32>, rows: usize, columns: usize, precision: Precision) -> Result<Self> {
         let precision = if precision == Precision::Int8 { Precision::F16 } else { precision };
         Self::of_layer(values, rows, columns, precision)
     }
 
-    pub(crate) fn rows(&self) -> usize {
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// `inputs` (n × columns) times this matrix transposed: n × rows.
-    pub(crate) fn apply(&self, inputs: &Tensor) -> Result<Tensor> {
+    ///
+    /// # Errors
+    /// Where `inputs` has another width.
+    pub fn apply(&self, inputs: &Tensor) -> Result<Tensor> {
         match &self.values {
             Values::F32(tensor) => inputs.matmul(&tensor.t()?),
             _ => inputs.matmul(&Tensor::from_vec(self.expanded(), (self.rows, self.columns), &Device::Cpu)?.t()?),
@@ -77,7 +88,10 @@ impl Matrix {
     }
 
     /// The rows of these indices, one below the other. Each index is less than [`Self::rows`].
-    pub(crate) fn take(&self, indices: &[u32]) -> Result<Tensor> {
+    ///
+    /// # Errors
+    /// Where an index is none of f32 rows.
+    pub fn take(&self, indices: &[u32]) -> Result<Tensor> {
         let Values::F16(values) = &self.values else {
             let indices = Tensor::from_slice(indices, indices.len(), &Device::Cpu)?;
             return match &self.values {
