@@ -7,7 +7,7 @@ use sg_input::file;
 use sg_layers::{Kind, Precision, Weights};
 
 use crate::batches::{embeddings, encode_by_length};
-use crate::config::{ImageTextConfig};
+use crate::config::ImageTextConfig;
 use crate::embedding::Embedding;
 use crate::encoder::{ImageEncoder, TextEncoder};
 use crate::error::EncoderError;

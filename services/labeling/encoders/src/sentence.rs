@@ -5,10 +5,13 @@ use std::path::Path;
 use candle_core::{Device, Tensor};
 use serde::Deserialize;
 use sg_input::file;
-use sg_layers::{Activation, Batch, Hidden, Kind, LayerNorm, MAX_CONTEXT, MAX_VOCABULARY, Matrix, Precision, Weights, read_json, within};
+use sg_layers::{
+    Activation, Batch, Hidden, Kind, LayerNorm, MAX_CONTEXT, MAX_VOCABULARY, Matrix, ModelError, Precision, Weights,
+    read_json, within,
+};
 
 use crate::batches::encode_by_length;
-use crate::config::{HUGGING_FACE_KEYS};
+use crate::config::HUGGING_FACE_KEYS;
 use crate::embedding::Embedding;
 use crate::encoder::TextEncoder;
 use crate::error::EncoderError;
@@ -104,7 +107,7 @@ impl SentenceEncoder {
         Self::read(folder, Ok(Weights::random(seed)), precision)
     }
 
-    fn read(folder: &Path, weights: Result<Weights, EncoderError>, precision: Precision) -> Result<Self, EncoderError> {
+    fn read(folder: &Path, weights: Result<Weights, ModelError>, precision: Precision) -> Result<Self, EncoderError> {
         let path = &folder.join("config.json");
         let wrong = |key: &str, problem: String| Err(EncoderError::config(path, key, problem));
         let ModelKind { model_type } = read_json(path)?;
@@ -193,7 +196,7 @@ impl SentenceEncoder {
 fn optional_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, EncoderError> {
     match file::open(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        _ => read_json(path).map(Some),
+        _ => Ok(read_json(path).map(Some)?),
     }
 }
 

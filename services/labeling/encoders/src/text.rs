@@ -70,7 +70,7 @@ impl TextTower {
         let pooled: Vec<u32> =
             texts.iter().enumerate().map(|(at, ids)| (at * length + self.pooling.place(ids, length)) as u32).collect();
         let pooled = rows.index_select(&Tensor::from_vec(pooled, texts.len(), &Device::Cpu)?, 0)?;
-        self.projection.apply(&self.norm_after.apply(&pooled)?, None)
+        Ok(self.projection.apply(&self.norm_after.apply(&pooled)?, None)?)
     }
 }
 

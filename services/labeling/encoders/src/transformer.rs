@@ -1,7 +1,9 @@
 //! The transformer that all encoders share: blocks of attention and a perceptron, with norms before or after them.
 
 use candle_core::Tensor;
-use sg_layers::{Activation, Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Perceptron, Precision, SelfAttention, Weights};
+use sg_layers::{
+    Activation, Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Perceptron, Precision, SelfAttention, Weights,
+};
 
 use crate::error::EncoderError;
 
@@ -127,7 +129,7 @@ impl Block {
             }
             NormOrder::After => {
                 let rows = self.attention_norm.apply(&(rows + self.attention.apply(rows, batch, mask)?)?)?;
-                self.perceptron_norm.apply(&(&rows + self.perceptron.apply(&rows)?)?)
+                Ok(self.perceptron_norm.apply(&(&rows + self.perceptron.apply(&rows)?)?)?)
             }
         }
     }

@@ -3,7 +3,7 @@
 use candle_core::{Device, Tensor};
 use sg_layers::{Batch, Hidden, Kind, LayerNorm, Linear, Matrix, Perceptron, Precision, Weights, attend, split_heads};
 
-use crate::config::{VisionConfig};
+use crate::config::VisionConfig;
 use crate::error::EncoderError;
 use crate::layout::{Layout, VisionHead};
 use crate::transformer::{NormOrder, QueryKeyValue, Transformer, TransformerConfig, read_perceptron};
@@ -74,7 +74,7 @@ impl VisionTower {
             Head::Class { norm_before, projection, .. } => {
                 let rows = self.transformer.apply(norm_before.apply(&rows)?, batch, Hidden::Nothing)?;
                 let class = rows.reshape((images, (), self.width))?.narrow(1, 0, 1)?.squeeze(1)?;
-                projection.apply(&self.norm_after.apply(&class)?, None)
+                Ok(projection.apply(&self.norm_after.apply(&class)?, None)?)
             }
             Head::Pooling(pooling) => {
                 let rows = self.transformer.apply(rows, batch, Hidden::Nothing)?;

@@ -119,7 +119,8 @@ impl CTranslate2Reader {
         let mut cursor = Cursor { path, file: &file, at: 0 };
         let version = cursor.u32()?;
         if version != VERSION {
-            let problem = format!("its version is {version}, but {VERSION} is read; convert the model with CTranslate2 4");
+            let problem =
+                format!("its version is {version}, but {VERSION} is read; convert the model with CTranslate2 4");
             return Err(ModelError::file(path, problem));
         }
         let kind = cursor.name()?;

@@ -84,7 +84,15 @@ impl Decoder {
             let [query_key_value, self_output] = reader.self_attention_layers(Part::Decoder, at)?;
             let (cross_norm, cross) = reader.cross_attention(at)?;
             let (perceptron_norm, perceptron) = reader.perceptron(Part::Decoder, at, size.decoder)?;
-            blocks.push(Block { self_norm, query_key_value, self_output, cross_norm, cross, perceptron_norm, perceptron });
+            blocks.push(Block {
+                self_norm,
+                query_key_value,
+                self_output,
+                cross_norm,
+                cross,
+                perceptron_norm,
+                perceptron,
+            });
         }
         Ok(Self {
             tokens,

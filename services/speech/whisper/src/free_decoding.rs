@@ -65,7 +65,12 @@ impl Whisper {
     ///
     /// # Errors
     /// [`WhisperError::Option`], and [`WhisperError::Cancelled`] within one token of the flag.
-    pub fn transcribe(&self, hearing: &Hearing, options: &Options, cancel: &AtomicBool) -> Result<Transcript, WhisperError> {
+    pub fn transcribe(
+        &self,
+        hearing: &Hearing,
+        options: &Options,
+        cancel: &AtomicBool,
+    ) -> Result<Transcript, WhisperError> {
         let mut start = self.start(hearing, options)?;
         self.decode_freely(hearing, &mut start, options, cancel)
     }

@@ -1,6 +1,8 @@
 //! Names of tensors in the two layouts of files, and the layers made from them.
 
-use sg_layers::{Activation, Kind, LayerNorm, Linear, Matrix, ModelError, Perceptron, Precision, SelfAttention, Weights};
+use sg_layers::{
+    Activation, Kind, LayerNorm, Linear, Matrix, ModelError, Perceptron, Precision, SelfAttention, Weights,
+};
 
 use crate::config::{EPSILON, StackSize};
 

@@ -55,7 +55,8 @@ impl Whisper {
             let config = HuggingFaceConfig::read(folder)?;
             let weights = Weights::open(&safetensors)?;
             let prefix = if weights.has("model.encoder.conv1.weight") { "model." } else { "" };
-            let reader = LayerReader { weights, layout: Layout::HuggingFace { prefix }, precision, width: config.size.width };
+            let reader =
+                LayerReader { weights, layout: Layout::HuggingFace { prefix }, precision, width: config.size.width };
             return Self::read(folder, reader, config.size, config.suppressed, config.multilingual);
         }
         if binary.exists() {
@@ -109,7 +110,9 @@ impl Whisper {
         let seconds = samples.len() as f32 / SAMPLE_RATE as f32;
         if own > most {
             let limit = self.most_seconds();
-            return Err(WhisperError::Sound(format!("it has {seconds:.1} s, more than {limit:.0} s; cut it at a pause")));
+            return Err(WhisperError::Sound(format!(
+                "it has {seconds:.1} s, more than {limit:.0} s; cut it at a pause"
+            )));
         }
         let frames = match context {
             AudioContext::Whole => most,

@@ -70,15 +70,17 @@ impl Whisper {
     ) -> Result<Vec<PhraseScore>, WhisperError> {
         let options = Options { timestamps: false, ..options.clone() };
         let mut start = self.start(hearing, &options)?;
-        self.score_phrases(hearing, &mut start, phrases, search, cancel)
+        self.score_phrases(hearing, &mut start, phrases, search, f32::NEG_INFINITY, cancel)
     }
 
+    /// As [`Self::score`], behind marks that are decoded. Beginnings below `least` are not followed.
     pub(crate) fn score_phrases(
         &self,
         hearing: &Hearing,
         start: &mut Start,
         phrases: &Phrases,
         search: PhraseSearch,
+        least: f32,
         cancel: &AtomicBool,
     ) -> Result<Vec<PhraseScore>, WhisperError> {
         if let PhraseSearch::Beam { beams, margin } = search
@@ -96,7 +98,7 @@ impl Whisper {
         self.follow(phrases, root, start.node, &logits, &mut frontier, &mut |_, _| {});
         let vocabulary = self.decoder.vocabulary();
         for _ in 0..start.room {
-            prune(&mut frontier, search, best);
+            prune(&mut frontier, search, best, least);
             if frontier.is_empty() {
                 break;
             }
@@ -139,16 +141,18 @@ impl Whisper {
         let sum = |token: u32| of.sum + logits[token as usize] - all;
         let here = &phrases.nodes[of.phrase];
         here.ends.iter().for_each(|sentence| end(*sentence, sum(self.vocabulary.end)));
-        next.extend(here.children.iter().map(|child| {
-            Beginning { phrase: *child, parent: node, sum: sum(phrases.nodes[*child].token) }
+        next.extend(here.children.iter().map(|child| Beginning {
+            phrase: *child,
+            parent: node,
+            sum: sum(phrases.nodes[*child].token),
         }));
     }
 }
 
 /// Drops beginnings that a search doesn't follow.
-fn prune(frontier: &mut Vec<Beginning>, search: PhraseSearch, best: f32) {
+fn prune(frontier: &mut Vec<Beginning>, search: PhraseSearch, best: f32, least: f32) {
     // Impossible ones have no likely end.
-    frontier.retain(|of| of.sum > f32::NEG_INFINITY);
+    frontier.retain(|of| of.sum > f32::NEG_INFINITY && of.sum >= least);
     if let PhraseSearch::Beam { beams, margin } = search {
         frontier.sort_by(|a, b| b.sum.total_cmp(&a.sum).then(a.phrase.cmp(&b.phrase)));
         frontier.truncate(beams);

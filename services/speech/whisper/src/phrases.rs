@@ -80,7 +80,10 @@ impl Whisper {
             for spelling in spellings(sentence) {
                 let ids = self.vocabulary.ids(&spelling).map_err(wrong)?;
                 if ids.len() > MAX_SENTENCE_TOKENS {
-                    return Err(wrong(format!("it has {} tokens; a sentence has at most {MAX_SENTENCE_TOKENS}", ids.len())));
+                    return Err(wrong(format!(
+                        "it has {} tokens; a sentence has at most {MAX_SENTENCE_TOKENS}",
+                        ids.len()
+                    )));
                 }
                 shortest = shortest.min(ids.len());
                 let mut at = 0;
@@ -102,6 +105,11 @@ impl Whisper {
             }
             lengths[index] = shortest + 1;
         }
-        Ok(Phrases { sentences: sentences.iter().map(|sentence| sentence.as_ref().to_owned()).collect(), by_normalized, nodes, lengths })
+        Ok(Phrases {
+            sentences: sentences.iter().map(|sentence| sentence.as_ref().to_owned()).collect(),
+            by_normalized,
+            nodes,
+            lengths,
+        })
     }
 }

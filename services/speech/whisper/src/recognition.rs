@@ -74,7 +74,7 @@ impl Whisper {
         let options = Options { timestamps: false, ..options.clone() };
         let mut start = self.start(hearing, &options)?;
         let free = self.decode_freely(hearing, &mut start, &options, cancel)?;
-        let scores = self.score_phrases(hearing, &mut start, phrases, search, cancel)?;
+        let scores = self.score_phrases(hearing, &mut start, phrases, search, f32::NEG_INFINITY, cancel)?;
         let best = scores.first().map(|best| {
             let tokens = phrases.lengths[best.sentence];
             let ratio = (best.log_probability - free.log_probability) / tokens as f32;

@@ -79,7 +79,13 @@ impl MelFilters {
         let mut powers = vec![FLOOR; frames * bands];
         let sample = |at: isize| {
             let last = length as isize - 1;
-            let at = if at < 0 { -at } else if at > last { 2 * last - at } else { at };
+            let at = if at < 0 {
+                -at
+            } else if at > last {
+                2 * last - at
+            } else {
+                at
+            };
             usize::try_from(at).ok().and_then(|at| samples.get(at)).map_or(0.0, |sample| f64::from(*sample))
         };
         powers.par_chunks_mut(bands).enumerate().filter(|(at, _)| *at < heard || *at >= mirrored).for_each_init(
@@ -93,7 +99,8 @@ impl MelFilters {
                 self.transform.process_with_scratch(frame, scratch);
                 for (power, band) in powers.iter_mut().zip(&self.bands) {
                     let spectrum = &frame[band.first..][..band.weights.len()];
-                    let sum: f64 = spectrum.iter().zip(&band.weights).map(|(value, weight)| value.norm_sqr() * weight).sum();
+                    let sum: f64 =
+                        spectrum.iter().zip(&band.weights).map(|(value, weight)| value.norm_sqr() * weight).sum();
                     *power = sum.max(FLOOR);
                 }
             },

@@ -43,11 +43,8 @@ impl Whisper {
             return Err(WhisperError::option("prompt", problem));
         };
         let mut tree = self.decoder.tree();
-        let chain: Vec<Branch> = prefix
-            .iter()
-            .enumerate()
-            .map(|(at, token)| Branch { parent: at.checked_sub(1), token: *token })
-            .collect();
+        let chain: Vec<Branch> =
+            prefix.iter().enumerate().map(|(at, token)| Branch { parent: at.checked_sub(1), token: *token }).collect();
         let outputs = self.decoder.advance(&hearing.keys, &mut tree, &chain)?;
         let first = prefix.iter().position(|token| *token == self.vocabulary.start).unwrap_or_default();
         let of_start = self.decoder.logits(&outputs.narrow(0, first, 1)?)?;
@@ -70,9 +67,10 @@ impl Whisper {
         let languages = self.vocabulary.languages();
         match options.language.as_deref() {
             Some("en") if languages.is_empty() => Ok(None),
-            Some(code) if languages.is_empty() => {
-                Err(WhisperError::option("language", format!("`{code}`, but the model knows `en` alone; take another one")))
-            }
+            Some(code) if languages.is_empty() => Err(WhisperError::option(
+                "language",
+                format!("`{code}`, but the model knows `en` alone; take another one"),
+            )),
             Some(code) => {
                 let found = languages.iter().find(|(own, _)| own == code).cloned();
                 found.map(Some).ok_or_else(|| {

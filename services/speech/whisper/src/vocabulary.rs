@@ -49,7 +49,9 @@ impl Vocabulary {
         };
         let languages = if multilingual { languages(&tokenizer, size) } else { Vec::new() };
         if multilingual && languages.is_empty() {
-            return Err(wrong("the model is multilingual, but no token names a language; take both from one model".into()));
+            return Err(wrong(
+                "the model is multilingual, but no token names a language; take both from one model".into(),
+            ));
         }
         let vocabulary = Self {
             size,
@@ -63,7 +65,9 @@ impl Vocabulary {
             tokenizer,
         };
         if vocabulary.start <= vocabulary.end {
-            return Err(wrong("`<|startoftranscript|>` does not stand behind `<|endoftext|>`; get the tokenizer again".into()));
+            return Err(wrong(
+                "`<|startoftranscript|>` does not stand behind `<|endoftext|>`; get the tokenizer again".into(),
+            ));
         }
         Ok(vocabulary)
     }

@@ -4,7 +4,12 @@
 //! [--details]`. Without a folder it takes the model that `ops/models.sh` gets. `--calibrate` prints the ratios of the calibration
 //! sentences, for the threshold of acceptance; the report speaks others.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a measurement prints its table and fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a measurement prints its table and fails by panicking"
+)]
 
 mod sentences;
 mod voices;
@@ -140,7 +145,13 @@ fn prompt() -> Options {
     Options { prompt: Some(format!("{}.", sentences::labels().join(", "))), ..Options::default() }
 }
 
-fn recognize(model: &Whisper, phrases: &Phrases, samples: &[f32], arguments: &Arguments, options: &Options) -> Recognition {
+fn recognize(
+    model: &Whisper,
+    phrases: &Phrases,
+    samples: &[f32],
+    arguments: &Arguments,
+    options: &Options,
+) -> Recognition {
     let hearing = model.listen(samples, arguments.context, &NEVER).unwrap();
     model.recognize(&hearing, phrases, PhraseSearch::default(), Acceptance::default(), options, &NEVER).unwrap()
 }
@@ -160,7 +171,8 @@ fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                     let best = found.best.map(|best| phrases.sentences()[best.sentence].as_str()).unwrap_or_default();
                     let right = normalized(best) == normalized(sentence);
                     let ratio = found.best.map_or(f32::NEG_INFINITY, |best| best.ratio);
-                    let total = found.best.map_or(f32::NEG_INFINITY, |best| best.log_probability) - found.free.log_probability;
+                    let total =
+                        found.best.map_or(f32::NEG_INFINITY, |best| best.log_probability) - found.free.log_probability;
                     println!(
                         "{}\t{noise:?}\t{}\t{right}\t{with}\t{ratio:.3}\t{total:.2}\t{:.2}\t{:.3}\t{:.3}\t{sentence}\t{}\t{best}",
                         voice.name(),
@@ -181,7 +193,9 @@ const DECODINGS: [&str; 5] = ["greedy", "5 beams", "greedy, prompt", "knows comm
 fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
     let folder = tempfile::tempdir().unwrap();
     let spoken = Spoken::report();
-    println!("| voice, noise, decoding | word errors | commands right | wrong commands | false commands | real-time factor | ms |");
+    println!(
+        "| voice, noise, decoding | word errors | commands right | wrong commands | false commands | real-time factor | ms |"
+    );
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     for voice in &arguments.voices {
         for noise in &arguments.noise {
