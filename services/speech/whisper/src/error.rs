@@ -39,10 +39,6 @@ impl WhisperError {
         ModelError::file(path, problem).into()
     }
 
-    pub(crate) fn config(path: &Path, key: &str, problem: impl Into<String>) -> Self {
-        ModelError::config(path, key, problem).into()
-    }
-
     pub(crate) fn option(option: &'static str, problem: impl Into<String>) -> Self {
         Self::Option { option, problem: problem.into() }
     }

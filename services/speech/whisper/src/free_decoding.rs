@@ -49,11 +49,20 @@ pub struct Segment {
 struct Hypothesis {
     node: Node,
     tokens: Vec<u32>,
+    /// Logarithm of the probability up to each token.
+    sums: Vec<f32>,
     sum: f32,
     ended: bool,
 }
 
 impl Hypothesis {
+    /// The text up to the first copy of what it repeats at its end, if it does: it would never end.
+    fn without_repetition(&self) -> Option<Self> {
+        let until = self.tokens.len() - repeated(&self.tokens)?;
+        let (tokens, sums) = (self.tokens[..until].to_vec(), self.sums[..until].to_vec());
+        Some(Self { node: self.node, sum: sums.last().copied().unwrap_or_default(), tokens, sums, ended: false })
+    }
+
     /// Mean for each token, its end included. Long texts are not disadvantaged.
     fn average(&self) -> f32 {
         self.sum / (self.tokens.len() + usize::from(self.ended)).max(1) as f32
@@ -84,7 +93,8 @@ impl Whisper {
     ) -> Result<Transcript, WhisperError> {
         let most = options.most_tokens.min(start.room);
         let vocabulary = self.decoder.vocabulary();
-        let mut live = vec![Hypothesis { node: start.node, tokens: Vec::new(), sum: 0.0, ended: false }];
+        let mut live =
+            vec![Hypothesis { node: start.node, tokens: Vec::new(), sums: Vec::new(), sum: 0.0, ended: false }];
         let mut ended: Vec<Hypothesis> = Vec::new();
         let mut logits = start.logits.clone();
         loop {
@@ -104,7 +114,12 @@ impl Whisper {
                     ended.push(Hypothesis { sum, ended: true, ..of.clone() });
                 } else {
                     let tokens = of.tokens.iter().copied().chain([token]).collect();
-                    kept.push(Hypothesis { node: of.node, tokens, sum, ended: false });
+                    let sums = of.sums.iter().copied().chain([sum]).collect();
+                    let longer = Hypothesis { node: of.node, tokens, sums, sum, ended: false };
+                    match longer.without_repetition() {
+                        Some(cut) => ended.push(cut),
+                        None => kept.push(longer),
+                    }
                 }
                 // As many texts as beams are looked at, ended ones among them.
                 if kept.len() == options.beams || ended.len() >= options.beams {
@@ -129,7 +144,13 @@ impl Whisper {
             live.iter_mut().enumerate().for_each(|(at, of)| of.node = first + at);
         }
         let best = ended.into_iter().max_by(|a, b| a.average().total_cmp(&b.average()));
-        let best = best.unwrap_or(Hypothesis { node: start.node, tokens: Vec::new(), sum: 0.0, ended: false });
+        let best = best.unwrap_or(Hypothesis {
+            node: start.node,
+            tokens: Vec::new(),
+            sums: Vec::new(),
+            sum: 0.0,
+            ended: false,
+        });
         Ok(Transcript {
             text: self.vocabulary.text(&best.tokens)?.trim().to_owned(),
             segments: if options.timestamps { self.segments(&best.tokens)? } else { Vec::new() },
@@ -166,6 +187,23 @@ impl Whisper {
     }
 }
 
+/// Copies of a part that make a repetition.
+const COPIES: usize = 3;
+/// Most tokens of a repeated part.
+const LONGEST_PART: usize = 32;
+/// Fewest tokens of all copies, so that "no, no, no" is a text.
+const FEWEST_REPEATED: usize = 8;
+
+/// The tokens at the end of a text that only repeat those before them, if there are such.
+fn repeated(tokens: &[u32]) -> Option<usize> {
+    let is_repeated = |part: &usize| {
+        let all = (COPIES * part).max(FEWEST_REPEATED.next_multiple_of(*part));
+        let tail = tokens.len().checked_sub(all).map(|from| &tokens[from..]);
+        tail.filter(|tail| tail[*part..] == tail[..all - part]).map(|_| all - part)
+    };
+    (1..=LONGEST_PART).find_map(|part| is_repeated(&part))
+}
+
 /// The places of the `count` highest finite values, highest first; of equal ones the first.
 fn highest(values: &[f32], count: usize) -> Vec<u32> {
     let mut best: Vec<u32> = Vec::with_capacity(count + 1);
@@ -179,4 +217,27 @@ fn highest(values: &[f32], count: usize) -> Vec<u32> {
         best.truncate(count);
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_at_the_end_are_a_repetition() {
+        assert_eq!(repeated(&[1, 2, 3, 1, 2, 3]), None);
+        assert_eq!(repeated(&[9, 1, 2, 3, 1, 2, 3, 1, 2, 3]), Some(6));
+        assert_eq!(repeated(&[9, 1, 2, 3, 1, 2, 3, 1, 2, 4]), None);
+        assert_eq!(repeated(&[5, 5, 5]), None);
+        assert_eq!(repeated(&[5; 8]), Some(7));
+        assert_eq!(repeated(&[1, 2, 1, 2, 1, 2, 1, 2]), Some(6));
+        assert_eq!(repeated(&[]), None);
+    }
+
+    #[test]
+    fn the_highest_are_found_in_order() {
+        let values = [0.5, f32::NEG_INFINITY, 2.0, f32::NAN, 1.0, 2.0];
+        assert_eq!(highest(&values, 3), [2, 5, 4]);
+        assert_eq!(highest(&values, 9), [2, 5, 4, 0]);
+    }
 }

@@ -23,11 +23,18 @@ mod spelling;
 mod start;
 mod vocabulary;
 
+#[cfg(test)]
+mod decoding_tests;
+#[cfg(test)]
+mod hostile_tests;
+#[cfg(test)]
+mod parity_tests;
+
 pub use error::WhisperError;
 pub use free_decoding::{Segment, Transcript};
 pub use model::{AudioContext, Hearing, Whisper};
 pub use options::{MAX_BEAMS, MAX_TOKENS, Options};
-pub use phrase_scoring::{PhraseScore, PhraseSearch};
+pub use phrase_scoring::{PhraseScore, PhraseSearch, TOKEN_BONUS};
 pub use phrases::{MAX_SENTENCE_TOKENS, MAX_SENTENCES, Phrases};
 pub use recognition::{Acceptance, Candidate, Recognition, Source};
 pub use sg_layers::Precision;

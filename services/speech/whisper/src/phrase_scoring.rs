@@ -10,10 +10,15 @@ use crate::model::{Hearing, Whisper, check};
 use crate::options::Options;
 use crate::phrases::Phrases;
 use crate::probability::{log_add, log_sum};
+use crate::spelling::MOST_SPELLINGS;
 use crate::start::Start;
 
 /// Tokens that are decoded together.
 const BATCH: usize = 64;
+
+/// What each token of a text adds to its log-probability where texts of different lengths are compared. A decoder that hears badly
+/// likes to end early, so without it short sentences win. Calibrated on sentences that no report speaks.
+pub const TOKEN_BONUS: f32 = 1.0;
 
 /// Which sentences are followed to their ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,9 +50,30 @@ pub struct PhraseScore {
     pub log_probability: f32,
 }
 
+/// How a search compares sentences with each other.
+#[derive(Clone, Copy)]
+pub(crate) struct Comparison {
+    /// Added to a log-probability for each token.
+    pub(crate) bonus: f32,
+    /// Log-probability with bonuses of a text that sentences are compared with, and its tokens.
+    pub(crate) free: Option<(f32, usize)>,
+    /// Least ratio to that text for each token of the longer one.
+    pub(crate) least_ratio: f32,
+}
+
+impl Comparison {
+    /// The least sum with bonuses of a sentence of so many tokens that is accepted. Spellings add up, so single ones may have less.
+    fn least(self, tokens: usize) -> f32 {
+        let of_spellings = (MOST_SPELLINGS as f32).ln();
+        self.free.map_or(f32::NEG_INFINITY, |(sum, own)| sum + self.least_ratio * own.max(tokens) as f32 - of_spellings)
+    }
+}
+
 /// A beginning of sentences.
 #[derive(Clone, Copy)]
 struct Beginning {
+    /// Number of its tokens.
+    tokens: usize,
     /// Its last token in the tree of sentences.
     phrase: usize,
     /// The token before it in the decoder's tree.
@@ -70,17 +96,18 @@ impl Whisper {
     ) -> Result<Vec<PhraseScore>, WhisperError> {
         let options = Options { timestamps: false, ..options.clone() };
         let mut start = self.start(hearing, &options)?;
-        self.score_phrases(hearing, &mut start, phrases, search, f32::NEG_INFINITY, cancel)
+        let comparison = Comparison { bonus: TOKEN_BONUS, free: None, least_ratio: f32::NEG_INFINITY };
+        self.score_phrases(hearing, &mut start, phrases, search, comparison, cancel)
     }
 
-    /// As [`Self::score`], behind marks that are decoded. Beginnings below `least` are not followed.
+    /// As [`Self::score`], behind marks that are decoded. Beginnings that cannot be accepted are not followed.
     pub(crate) fn score_phrases(
         &self,
         hearing: &Hearing,
         start: &mut Start,
         phrases: &Phrases,
         search: PhraseSearch,
-        least: f32,
+        comparison: Comparison,
         cancel: &AtomicBool,
     ) -> Result<Vec<PhraseScore>, WhisperError> {
         if let PhraseSearch::Beam { beams, margin } = search
@@ -94,11 +121,11 @@ impl Whisper {
         let mut logits = start.logits.clone();
         start.rules.apply(&[], &mut logits);
         let mut frontier = Vec::new();
-        let root = Beginning { phrase: 0, parent: start.node, sum: 0.0 };
+        let root = Beginning { tokens: 0, phrase: 0, parent: start.node, sum: 0.0 };
         self.follow(phrases, root, start.node, &logits, &mut frontier, &mut |_, _| {});
         let vocabulary = self.decoder.vocabulary();
         for _ in 0..start.room {
-            prune(&mut frontier, search, best, least);
+            prune(&mut frontier, phrases, search, best, comparison);
             if frontier.is_empty() {
                 break;
             }
@@ -115,7 +142,7 @@ impl Whisper {
                     self.follow(phrases, *of, first + at, logits, &mut next, &mut |sentence, sum| {
                         let score = scores.entry(sentence).or_insert(f32::NEG_INFINITY);
                         *score = log_add(*score, sum);
-                        best = best.max(*score);
+                        best = best.max(*score + comparison.bonus * phrases.lengths[sentence] as f32);
                     });
                 }
             }
@@ -142,6 +169,7 @@ impl Whisper {
         let here = &phrases.nodes[of.phrase];
         here.ends.iter().for_each(|sentence| end(*sentence, sum(self.vocabulary.end)));
         next.extend(here.children.iter().map(|child| Beginning {
+            tokens: of.tokens + 1,
             phrase: *child,
             parent: node,
             sum: sum(phrases.nodes[*child].token),
@@ -149,14 +177,20 @@ impl Whisper {
     }
 }
 
-/// Drops beginnings that a search doesn't follow.
-fn prune(frontier: &mut Vec<Beginning>, search: PhraseSearch, best: f32, least: f32) {
-    // Impossible ones have no likely end.
-    frontier.retain(|of| of.sum > f32::NEG_INFINITY && of.sum >= least);
-    if let PhraseSearch::Beam { beams, margin } = search {
+/// Drops beginnings that a search doesn't follow. `best` is the sum with bonuses of the best whole sentence so far.
+fn prune(frontier: &mut Vec<Beginning>, phrases: &Phrases, search: PhraseSearch, best: f32, comparison: Comparison) {
+    let margin = if let PhraseSearch::Beam { margin, .. } = search { margin } else { f32::INFINITY };
+    frontier.retain(|of| {
+        // No sentence with this beginning is better.
+        let tokens = of.tokens + phrases.nodes[of.phrase].height;
+        let most = of.sum + comparison.bonus * tokens as f32;
+        most > f32::NEG_INFINITY && most >= comparison.least(tokens) && !(most < best - margin)
+    });
+    if let PhraseSearch::Beam { beams, .. } = search {
         frontier.sort_by(|a, b| b.sum.total_cmp(&a.sum).then(a.phrase.cmp(&b.phrase)));
         frontier.truncate(beams);
-        let least = frontier.first().map_or(best, |first| first.sum).max(best) - margin;
+        // All have the same length.
+        let least = frontier.first().map_or(f32::NEG_INFINITY, |first| first.sum - margin);
         frontier.retain(|of| of.sum >= least);
     }
 }

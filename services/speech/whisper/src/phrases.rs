@@ -29,6 +29,8 @@ pub(crate) struct PhraseNode {
     pub(crate) children: Vec<usize>,
     /// Sentences that end here.
     pub(crate) ends: Vec<usize>,
+    /// Tokens from here to the farthest end, that end included.
+    pub(crate) height: usize,
 }
 
 impl Phrases {
@@ -104,6 +106,11 @@ impl Whisper {
                 }
             }
             lengths[index] = shortest + 1;
+        }
+        // A child stands behind its parent.
+        for at in (0..nodes.len()).rev() {
+            nodes[at].height =
+                1 + nodes[at].children.iter().map(|child| nodes[*child].height).max().unwrap_or_default();
         }
         Ok(Phrases {
             sentences: sentences.iter().map(|sentence| sentence.as_ref().to_owned()).collect(),

@@ -6,19 +6,26 @@ use crate::error::WhisperError;
 use crate::free_decoding::Transcript;
 use crate::model::{Hearing, Whisper};
 use crate::options::Options;
-use crate::phrase_scoring::PhraseSearch;
+use crate::phrase_scoring::{Comparison, PhraseScore, PhraseSearch, TOKEN_BONUS};
 use crate::phrases::Phrases;
+
+/// Most tokens of a second of speech. People say 3 to 5.
+const TOKENS_OF_SECOND: f32 = 8.0;
+/// Further tokens that any sound may have.
+const FIRST_TOKENS: usize = 8;
 
 /// When a sentence of the list is taken for what was said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceptance {
-    /// Least log-likelihood ratio to free text for each token of the sentence.
+    /// Least log-likelihood ratio to free text for each token of the longer one, bonuses included.
     pub least_ratio: f32,
+    /// What each token adds to a log-probability: [`TOKEN_BONUS`].
+    pub token_bonus: f32,
 }
 
 impl Default for Acceptance {
     fn default() -> Self {
-        Self { least_ratio: -1.0 }
+        Self { least_ratio: -1.5, token_bonus: TOKEN_BONUS }
     }
 }
 
@@ -38,7 +45,7 @@ pub struct Candidate {
     pub sentence: usize,
     /// Natural logarithm of its probability.
     pub log_probability: f32,
-    /// Log-likelihood ratio to free text, for each of its tokens. 0 where it is as likely as free text.
+    /// Log-likelihood ratio to free text for each token of the longer one, bonuses included. 0 where it is as likely.
     pub ratio: f32,
 }
 
@@ -51,7 +58,7 @@ pub struct Recognition {
     pub source: Source,
     /// The likeliest sentence of the list, if any was followed to its end.
     pub best: Option<Candidate>,
-    /// How much less likely the second sentence is (natural logarithm), if there is one.
+    /// How much less likely the second sentence is (natural logarithm, bonuses included), if one was followed to its end.
     pub lead: Option<f32>,
     /// Free text.
     pub free: Transcript,
@@ -73,14 +80,27 @@ impl Whisper {
     ) -> Result<Recognition, WhisperError> {
         let options = Options { timestamps: false, ..options.clone() };
         let mut start = self.start(hearing, &options)?;
+        // Nobody speaks faster. A text that repeats itself ends here at the latest.
+        let most = FIRST_TOKENS + (TOKENS_OF_SECOND * hearing.seconds) as usize;
+        let options = Options { most_tokens: options.most_tokens.min(most), ..options };
         let free = self.decode_freely(hearing, &mut start, &options, cancel)?;
-        let scores = self.score_phrases(hearing, &mut start, phrases, search, f32::NEG_INFINITY, cancel)?;
-        let best = scores.first().map(|best| {
-            let tokens = phrases.lengths[best.sentence];
-            let ratio = (best.log_probability - free.log_probability) / tokens as f32;
-            Candidate { sentence: best.sentence, log_probability: best.log_probability, ratio }
+        let Acceptance { least_ratio, token_bonus: bonus } = acceptance;
+        let with_bonus = |sum: f32, tokens: usize| sum + bonus * tokens as f32;
+        let free_tokens = free.tokens.len() + 1;
+        let free_sum = with_bonus(free.log_probability, free_tokens);
+        let comparison = Comparison { bonus, free: Some((free_sum, free_tokens)), least_ratio };
+        let scores = self.score_phrases(hearing, &mut start, phrases, search, comparison, cancel)?;
+        let mut sums: Vec<(f32, PhraseScore)> = scores
+            .into_iter()
+            .map(|score| (with_bonus(score.log_probability, phrases.lengths[score.sentence]), score))
+            .collect();
+        sums.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        let best = sums.first().map(|(sum, score)| {
+            let tokens = phrases.lengths[score.sentence].max(free_tokens);
+            let ratio = (sum - free_sum) / tokens as f32;
+            Candidate { sentence: score.sentence, log_probability: score.log_probability, ratio }
         });
-        let lead = scores.get(1).map(|second| scores[0].log_probability - second.log_probability);
+        let lead = sums.get(1).map(|(second, _)| sums[0].0 - second);
         let accepted = best.filter(|best| best.ratio >= acceptance.least_ratio);
         let (text, source) = match accepted {
             Some(best) => (phrases.sentences()[best.sentence].clone(), Source::Command(best.sentence)),

@@ -36,6 +36,9 @@ fn joined(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// Most spellings of a sentence.
+pub(crate) const MOST_SPELLINGS: usize = 6;
+
 /// How a model may write a sentence: with a capital at its start, with and without a mark at its end, and "20%" for "20 percent".
 /// Each begins with a space, as texts of the model do.
 pub(crate) fn spellings(sentence: &str) -> Vec<String> {

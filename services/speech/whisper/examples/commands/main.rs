@@ -19,9 +19,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use sentences::Spoken;
-use sg_whisper::{
-    Acceptance, AudioContext, Options, PhraseSearch, Phrases, Precision, Recognition, Source, Whisper, normalized,
-};
+use sg_whisper::{Acceptance, AudioContext, Options, PhraseSearch, Phrases, Precision, Source, Whisper, normalized};
 use voices::{VOICES, Voice, with_noise};
 
 struct Arguments {
@@ -145,36 +143,31 @@ fn prompt() -> Options {
     Options { prompt: Some(format!("{}.", sentences::labels().join(", "))), ..Options::default() }
 }
 
-fn recognize(
-    model: &Whisper,
-    phrases: &Phrases,
-    samples: &[f32],
-    arguments: &Arguments,
-    options: &Options,
-) -> Recognition {
-    let hearing = model.listen(samples, arguments.context, &NEVER).unwrap();
-    model.recognize(&hearing, phrases, PhraseSearch::default(), Acceptance::default(), options, &NEVER).unwrap()
-}
+/// Bonuses for each token that are tried.
+const BONUSES: [f32; 2] = [0.5, 1.0];
 
 /// Prints the best sentence's numbers for each sentence of the calibration.
 fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
     let folder = tempfile::tempdir().unwrap();
     let spoken = Spoken::calibration();
-    println!("voice\tsnr\tkind\tright\tprompt\tratio\ttotal\tlead\tfree-average\tno-speech\tsaid\tfree\tbest");
+    println!("voice\tsnr\tkind\tright\tbonus\tratio\ttotal\tlead\tfree-average\tno-speech\tsaid\tfree\tbest");
     for voice in &arguments.voices {
         for noise in &arguments.noise {
             let all = spoken.commands.iter().map(|s| (s, true)).chain(spoken.others.iter().map(|s| (s, false)));
             for (at, (sentence, command)) in all.enumerate() {
                 let samples = with_noise(&voice.speak(sentence, folder.path()), *noise, at as u64);
-                for (with, options) in [(false, Options::default()), (true, prompt())] {
-                    let found = recognize(model, phrases, &samples, arguments, &options);
+                let hearing = model.listen(&samples, arguments.context, &NEVER).unwrap();
+                for token_bonus in BONUSES {
+                    let acceptance = Acceptance { token_bonus, least_ratio: -8.0 };
+                    let search = PhraseSearch::default();
+                    let found = model.recognize(&hearing, phrases, search, acceptance, &prompt(), &NEVER).unwrap();
                     let best = found.best.map(|best| phrases.sentences()[best.sentence].as_str()).unwrap_or_default();
                     let right = normalized(best) == normalized(sentence);
                     let ratio = found.best.map_or(f32::NEG_INFINITY, |best| best.ratio);
                     let total =
                         found.best.map_or(f32::NEG_INFINITY, |best| best.log_probability) - found.free.log_probability;
                     println!(
-                        "{}\t{noise:?}\t{}\t{right}\t{with}\t{ratio:.3}\t{total:.2}\t{:.2}\t{:.3}\t{:.3}\t{sentence}\t{}\t{best}",
+                        "{}\t{noise:?}\t{}\t{right}\t{token_bonus}\t{ratio:.3}\t{total:.2}\t{:.2}\t{:.3}\t{:.3}\t{sentence}\t{}\t{best}",
                         voice.name(),
                         if command { "command" } else { "other" },
                         found.lead.unwrap_or(f32::INFINITY),
