@@ -8,6 +8,7 @@ const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openx
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
 pub(crate) const LIBRARIES: [(&str, &[&str]); 20] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 21] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -21,8 +22,10 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 20] = [
     ("sg-selection", &[]),
     ("sg-color", &[]),
     ("sg-labeling", &[]),
+    ("sg-layers", &[]),
     ("sg-encoders", &[]),
     ("sg-speech", &[]),
+    ("sg-whisper", &[]),
     ("sg-language", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),

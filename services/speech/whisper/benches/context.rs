@@ -1,36 +1,67 @@
-//! Milliseconds of each step against the error of the text, for shorter audio contexts and other precisions.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a bench prints its table and fails by panicking")]
-use sg_whisper::*;
+//! Milliseconds against error, for shorter audio contexts and for each precision of weights: a table for spoken commands.
+//!
+//! `cargo bench -p sg-whisper --bench context`. It takes the model that `ops/models.sh` gets, and flite's voice `slt`.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    dead_code,
+    reason = "a bench prints its table and fails by panicking; the example uses the rest of its modules"
+)]
+
+#[path = "../examples/commands/sentences.rs"]
+mod sentences;
+#[path = "../examples/commands/voices.rs"]
+mod voices;
+
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use sentences::Spoken;
+use sg_whisper::{Acceptance, AudioContext, Options, PhraseSearch, Precision, Source, Whisper, normalized};
+use voices::Voice;
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+/// Frames of 20 ms: 30 s to 4 s.
+const CONTEXTS: [usize; 6] = [1500, 1000, 750, 500, 350, 200];
+
 fn main() {
     let cache = directories::ProjectDirs::from("", "", "supergaussian").unwrap().cache_dir().to_owned();
-    let model = Whisper::open(&cache.join("models/whisper-tiny.en"), Precision::F32).unwrap();
-    let never = AtomicBool::new(false);
-    let wav = std::fs::read("/tmp/w/a.wav").unwrap();
-    let samples: Vec<f32> =
-        wav[44..].as_chunks::<2>().0.iter().map(|p| f32::from(i16::from_le_bytes(*p)) / 32768.0).collect();
-    let text = std::fs::read_to_string("/tmp/w/phr.txt").unwrap();
-    let s: Vec<&str> = text.lines().collect();
-    let phrases = model.phrases(&s).unwrap();
-    for frames in [1500, 750, 400, 250] {
-        for _ in 0..2 {
-            let t = Instant::now();
-            let hearing = model.listen(&samples, AudioContext::Frames(frames), &never).unwrap();
-            let a = t.elapsed();
-            let t = Instant::now();
-            let text = model.transcribe(&hearing, &Options::default(), &never).unwrap();
-            let b = t.elapsed();
-            let t = Instant::now();
-            let sc = model.score(&hearing, &phrases, PhraseSearch::default(), &Options::default(), &never).unwrap();
-            let c = t.elapsed();
-            println!(
-                "{frames} listen {a:?} transcribe {b:?} score {c:?} {} {} {:?} {}",
-                text.tokens.len(),
-                text.text,
-                sc[0],
-                sc.len()
-            );
+    let folder = cache.join("models/whisper-tiny.en");
+    let scratch = tempfile::tempdir().unwrap();
+    let spoken = Spoken::report().commands;
+    let sounds: Vec<Vec<f32>> = spoken.iter().map(|s| Voice::Flite("slt").speak(s, scratch.path())).collect();
+    let known = sentences::known();
+    println!("| weights | context | listening | free text | with sentences | free right | commands right |");
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let cases = CONTEXTS.iter().map(|frames| (Precision::F32, *frames));
+    for (precision, frames) in cases.chain([(Precision::F16, 500), (Precision::Int8, 500)]) {
+        let model = Whisper::open(&folder, precision).unwrap();
+        let phrases = model.phrases(&known).unwrap();
+        let options = Options { prompt: Some(format!("{}.", sentences::labels().join(", "))), ..Options::default() };
+        let (mut times, mut free_right, mut right) = ([Duration::ZERO; 3], 0, 0);
+        for (sound, sentence) in sounds.iter().zip(&spoken) {
+            let mut step = Instant::now();
+            let mut lap = |at: usize| {
+                times[at] += step.elapsed();
+                step = Instant::now();
+            };
+            let hearing = model.listen(sound, AudioContext::Frames(frames), &NEVER).unwrap();
+            lap(0);
+            let free = model.transcribe(&hearing, &Options::default(), &NEVER).unwrap();
+            lap(1);
+            let (search, acceptance) = (PhraseSearch::default(), Acceptance::default());
+            let found = model.recognize(&hearing, &phrases, search, acceptance, &options, &NEVER).unwrap();
+            lap(2);
+            free_right += usize::from(normalized(&free.text) == normalized(sentence));
+            right += usize::from(found.source != Source::Free && normalized(&found.text) == normalized(sentence));
         }
+        let mean = times.map(|time| format!("{:.0} ms", time.as_secs_f64() * 1e3 / spoken.len() as f64));
+        let all = spoken.len();
+        println!(
+            "| {precision:?} | {frames} | {} | {} | {} | {free_right}/{all} | {right}/{all} |",
+            mean[0], mean[1], mean[2]
+        );
     }
 }

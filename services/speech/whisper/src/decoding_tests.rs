@@ -13,7 +13,7 @@ use crate::rules::Rules;
 use crate::spelling::spellings;
 use crate::{Acceptance, AudioContext, Hearing, Options, PhraseSearch, Source, Whisper, WhisperError, normalized};
 
-const NEVER: AtomicBool = AtomicBool::new(false);
+static NEVER: AtomicBool = AtomicBool::new(false);
 const SENTENCES: [&str; 8] = [
     "make the sac red",
     "make the sac blue",

@@ -14,7 +14,7 @@ use tempfile::TempDir;
 use crate::parity_tests::{fixtures, sound};
 use crate::{AudioContext, MAX_SENTENCES, Options, Whisper, WhisperError};
 
-const NEVER: AtomicBool = AtomicBool::new(false);
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// A copy of a fixture to damage.
 struct Copy(TempDir);

@@ -12,7 +12,7 @@ use sg_layers::Precision;
 use crate::decoder::Branch;
 use crate::{AudioContext, Options, Whisper};
 
-const NEVER: AtomicBool = AtomicBool::new(false);
+static NEVER: AtomicBool = AtomicBool::new(false);
 const FRAMES: usize = 50;
 /// Every so many frames of the spectrogram are kept.
 const FRAME_STEP: usize = 11;
@@ -189,7 +189,8 @@ fn real_weights_give_the_tokens_of_another_program() {
         let found = model.transcribe(&hearing, &Options::default(), &NEVER).unwrap();
         assert_eq!(found.tokens, expected.tokens, "{key}: {} in place of {}", found.text, expected.text);
         assert_eq!(found.text, expected.text);
-        assert!((found.average_log_probability - expected.average_log_probability).abs() < 2e-3, "{key}: {found:?}");
-        assert!((found.no_speech - expected.no_speech).abs() < 2e-3, "{key}: {found:?}");
+        // The other program leaves times a chance, which ours bars where no times are wanted.
+        assert!((found.average_log_probability - expected.average_log_probability).abs() < 5e-3, "{key}: {found:?}");
+        assert!((found.no_speech - expected.no_speech).abs() < 1e-4, "{key}: {found:?}");
     }
 }

@@ -18,7 +18,7 @@ const BATCH: usize = 64;
 
 /// What each token of a text adds to its log-probability where texts of different lengths are compared. A decoder that hears badly
 /// likes to end early, so without it short sentences win. Calibrated on sentences that no report speaks.
-pub const TOKEN_BONUS: f32 = 1.0;
+pub const TOKEN_BONUS: f32 = 1.5;
 
 /// Which sentences are followed to their ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,18 +55,8 @@ pub struct PhraseScore {
 pub(crate) struct Comparison {
     /// Added to a log-probability for each token.
     pub(crate) bonus: f32,
-    /// Log-probability with bonuses of a text that sentences are compared with, and its tokens.
-    pub(crate) free: Option<(f32, usize)>,
-    /// Least ratio to that text for each token of the longer one.
-    pub(crate) least_ratio: f32,
-}
-
-impl Comparison {
-    /// The least sum with bonuses of a sentence of so many tokens that is accepted. Spellings add up, so single ones may have less.
-    fn least(self, tokens: usize) -> f32 {
-        let of_spellings = (MOST_SPELLINGS as f32).ln();
-        self.free.map_or(f32::NEG_INFINITY, |(sum, own)| sum + self.least_ratio * own.max(tokens) as f32 - of_spellings)
-    }
+    /// Least log-probability with bonuses of a sentence that is accepted.
+    pub(crate) least: f32,
 }
 
 /// A beginning of sentences.
@@ -96,7 +86,7 @@ impl Whisper {
     ) -> Result<Vec<PhraseScore>, WhisperError> {
         let options = Options { timestamps: false, ..options.clone() };
         let mut start = self.start(hearing, &options)?;
-        let comparison = Comparison { bonus: TOKEN_BONUS, free: None, least_ratio: f32::NEG_INFINITY };
+        let comparison = Comparison { bonus: TOKEN_BONUS, least: f32::NEG_INFINITY };
         self.score_phrases(hearing, &mut start, phrases, search, comparison, cancel)
     }
 
@@ -180,11 +170,13 @@ impl Whisper {
 /// Drops beginnings that a search doesn't follow. `best` is the sum with bonuses of the best whole sentence so far.
 fn prune(frontier: &mut Vec<Beginning>, phrases: &Phrases, search: PhraseSearch, best: f32, comparison: Comparison) {
     let margin = if let PhraseSearch::Beam { margin, .. } = search { margin } else { f32::INFINITY };
+    // Spellings of a sentence add up, so single ones may be less likely.
+    let least = comparison.least - (MOST_SPELLINGS as f32).ln();
     frontier.retain(|of| {
         // No sentence with this beginning is better.
         let tokens = of.tokens + phrases.nodes[of.phrase].height;
         let most = of.sum + comparison.bonus * tokens as f32;
-        most > f32::NEG_INFINITY && most >= comparison.least(tokens) && !(most < best - margin)
+        most > f32::NEG_INFINITY && most >= least && most >= best - margin
     });
     if let PhraseSearch::Beam { beams, .. } = search {
         frontier.sort_by(|a, b| b.sum.total_cmp(&a.sum).then(a.phrase.cmp(&b.phrase)));

@@ -17,7 +17,7 @@ const FIRST_TOKENS: usize = 8;
 /// When a sentence of the list is taken for what was said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceptance {
-    /// Least log-likelihood ratio to free text for each token of the longer one, bonuses included.
+    /// Least log-likelihood ratio to free text (natural logarithm), bonuses included.
     pub least_ratio: f32,
     /// What each token adds to a log-probability: [`TOKEN_BONUS`].
     pub token_bonus: f32,
@@ -25,7 +25,7 @@ pub struct Acceptance {
 
 impl Default for Acceptance {
     fn default() -> Self {
-        Self { least_ratio: -1.5, token_bonus: TOKEN_BONUS }
+        Self { least_ratio: -11.0, token_bonus: TOKEN_BONUS }
     }
 }
 
@@ -45,7 +45,7 @@ pub struct Candidate {
     pub sentence: usize,
     /// Natural logarithm of its probability.
     pub log_probability: f32,
-    /// Log-likelihood ratio to free text for each token of the longer one, bonuses included. 0 where it is as likely.
+    /// Log-likelihood ratio to free text (natural logarithm), bonuses included. 0 where it is as likely.
     pub ratio: f32,
 }
 
@@ -86,19 +86,18 @@ impl Whisper {
         let free = self.decode_freely(hearing, &mut start, &options, cancel)?;
         let Acceptance { least_ratio, token_bonus: bonus } = acceptance;
         let with_bonus = |sum: f32, tokens: usize| sum + bonus * tokens as f32;
-        let free_tokens = free.tokens.len() + 1;
-        let free_sum = with_bonus(free.log_probability, free_tokens);
-        let comparison = Comparison { bonus, free: Some((free_sum, free_tokens)), least_ratio };
+        let free_sum = with_bonus(free.log_probability, free.tokens.len() + 1);
+        let comparison = Comparison { bonus, least: free_sum + least_ratio };
         let scores = self.score_phrases(hearing, &mut start, phrases, search, comparison, cancel)?;
         let mut sums: Vec<(f32, PhraseScore)> = scores
             .into_iter()
             .map(|score| (with_bonus(score.log_probability, phrases.lengths[score.sentence]), score))
             .collect();
         sums.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-        let best = sums.first().map(|(sum, score)| {
-            let tokens = phrases.lengths[score.sentence].max(free_tokens);
-            let ratio = (sum - free_sum) / tokens as f32;
-            Candidate { sentence: score.sentence, log_probability: score.log_probability, ratio }
+        let best = sums.first().map(|(sum, score)| Candidate {
+            sentence: score.sentence,
+            log_probability: score.log_probability,
+            ratio: sum - free_sum,
         });
         let lead = sums.get(1).map(|(second, _)| sums[0].0 - second);
         let accepted = best.filter(|best| best.ratio >= acceptance.least_ratio);

@@ -1,13 +1,14 @@
 //! Commands and other sentences, spoken by three voices, with noise, and what the model makes of them.
 //!
 //! `cargo run --release -p sg-whisper --example commands -- [--calibrate] [--context FRAMES] [--snr DECIBELS]... [--model FOLDER]
-//! [--details]`. Without a folder it takes the model that `ops/models.sh` gets. `--calibrate` prints the ratios of the calibration
-//! sentences, for the threshold of acceptance; the report speaks others.
+//! [--precision f16|int8] [--voice NAME] [--decoding NUMBER]... [--details]`. Without a folder it takes the model that `ops/models.sh`
+//! gets. `--calibrate` prints the ratios of the calibration sentences, for the threshold of acceptance; the report speaks others.
 
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::print_stdout,
+    clippy::panic,
     reason = "a measurement prints its table and fails by panicking"
 )]
 
@@ -30,6 +31,8 @@ struct Arguments {
     model: PathBuf,
     precision: Precision,
     voices: Vec<Voice>,
+    /// Places in [`DECODINGS`]; all of them if there is none.
+    decodings: Vec<usize>,
 }
 
 fn arguments() -> Arguments {
@@ -42,6 +45,7 @@ fn arguments() -> Arguments {
         model: cache.join("models/whisper-tiny.en"),
         precision: Precision::F32,
         voices: VOICES.to_vec(),
+        decodings: Vec::new(),
     };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
@@ -52,6 +56,7 @@ fn arguments() -> Arguments {
             "--context" => all.context = AudioContext::Frames(value().parse().unwrap()),
             "--snr" => all.noise.push(value().parse().ok()),
             "--model" => all.model = value().into(),
+            "--decoding" => all.decodings.push(value().parse().unwrap()),
             "--voice" => {
                 let name = value();
                 all.voices.retain(|voice| voice.name().contains(&name));
@@ -114,7 +119,7 @@ impl Tally {
     }
 }
 
-const NEVER: AtomicBool = AtomicBool::new(false);
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn main() {
     let arguments = arguments();
@@ -144,7 +149,7 @@ fn prompt() -> Options {
 }
 
 /// Bonuses for each token that are tried.
-const BONUSES: [f32; 2] = [0.5, 1.0];
+const BONUSES: [f32; 3] = [1.0, 1.5, 2.0];
 
 /// Prints the best sentence's numbers for each sentence of the calibration.
 fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
@@ -158,7 +163,7 @@ fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                 let samples = with_noise(&voice.speak(sentence, folder.path()), *noise, at as u64);
                 let hearing = model.listen(&samples, arguments.context, &NEVER).unwrap();
                 for token_bonus in BONUSES {
-                    let acceptance = Acceptance { token_bonus, least_ratio: -8.0 };
+                    let acceptance = Acceptance { token_bonus, least_ratio: -40.0 };
                     let search = PhraseSearch::default();
                     let found = model.recognize(&hearing, phrases, search, acceptance, &prompt(), &NEVER).unwrap();
                     let best = found.best.map(|best| phrases.sentences()[best.sentence].as_str()).unwrap_or_default();
@@ -198,6 +203,9 @@ fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                 let samples = with_noise(&voice.speak(sentence, folder.path()), *noise, at as u64);
                 let beams = Options { beams: 5, ..Options::default() };
                 for (place, tally) in tallies.iter_mut().enumerate() {
+                    if !arguments.decodings.is_empty() && !arguments.decodings.contains(&place) {
+                        continue;
+                    }
                     let began = Instant::now();
                     let hearing = model.listen(&samples, arguments.context, &NEVER).unwrap();
                     let (search, acceptance) = (PhraseSearch::default(), Acceptance::default());
@@ -233,7 +241,7 @@ fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                 }
             }
             let noise = noise.map_or_else(|| "clean".to_owned(), |decibels| format!("{decibels} dB"));
-            for (tally, decoding) in tallies.iter().zip(DECODINGS) {
+            for (tally, decoding) in tallies.iter().zip(DECODINGS).filter(|(tally, _)| tally.sentences > 0) {
                 let name = format!("{}, {noise}, {decoding}", voice.name());
                 tally.row(&name, spoken.commands.len(), spoken.others.len());
             }
