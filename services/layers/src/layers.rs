@@ -5,7 +5,8 @@ use candle_core::{Device, Tensor};
 use crate::activation::{Activation, Epilogue};
 use crate::error::ModelError;
 use crate::matrix::{Matrix, Precision};
-use crate::weights::{Kind, Weights};
+use crate::tensor::Kind;
+use crate::weights::Weights;
 
 /// y = x Wᵀ + b.
 pub struct Linear {

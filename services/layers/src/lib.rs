@@ -10,6 +10,7 @@ mod error;
 mod layers;
 mod matrix;
 mod safetensors;
+mod tensor;
 mod weights;
 
 pub use activation::Activation;
@@ -18,4 +19,5 @@ pub use config::{MAX_CONTEXT, MAX_INNER, MAX_LAYERS, MAX_VOCABULARY, MAX_WIDTH, 
 pub use error::ModelError;
 pub use layers::{LayerNorm, Linear, Perceptron};
 pub use matrix::{Matrix, Precision};
-pub use weights::{Kind, StoredType, TensorReader, Weights, to_f32};
+pub use tensor::{Kind, StoredType, TensorReader, to_f32};
+pub use weights::Weights;

@@ -12,7 +12,7 @@ use safetensors::tensor::{Metadata, TensorInfo};
 use sg_input::file::{self, RegularFile};
 
 use crate::error::ModelError;
-use crate::weights::{StoredType, TensorReader, to_f32};
+use crate::tensor::{StoredType, TensorReader, to_f32};
 
 /// Most bytes of a file's header. Real ones have up to 200 kB.
 const MAX_HEADER_BYTES: u64 = 8 << 20;
