@@ -2,7 +2,6 @@
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
 # of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg,
 # speech programs (espeak-ng, flite, pocketsphinx), cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
-# voices that speak sentences to recognise (flite, espeak-ng), cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
 # (ops/monado.sh). Does nothing where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -7,8 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 20] = [
-pub(crate) const LIBRARIES: [(&str, &[&str]); 21] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 22] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),

@@ -327,7 +327,7 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 34] = [
+const MAP: [(&str, &str, &[&str]); 36] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
@@ -369,7 +369,6 @@ const MAP: [(&str, &str, &[&str]); 34] = [
     ),
     ("services/color", "sg-color", &[]),
     ("services/labeling", "sg-labeling", &["sg-color", "sg-scene"]),
-    ("services/labeling/encoders", "sg-encoders", &["sg-input"]),
     (
         "services/labeling/service",
         "supergaussian-labeling",
