@@ -4,7 +4,7 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling::{DescribeReply, DescribeRequest, FindReply, FindRequest, Outcome};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, RenameUnit, Select, SetColor};
+use sg_proto::scene::{Color, SaveUnit, Select, SetColor};
 
 use super::question::{Question, hold, soon};
 use super::scene::{named, shift};
@@ -80,14 +80,14 @@ async fn follows(stage: &mut Stage<'_>) -> Result<(), String> {
     let blue = Some(Color { red: 0.1, green: 0.2, blue: 0.9 });
     stage.change(Action::SetColor(SetColor { target: named("body"), color: blue })).await?;
     means(stage, "the blue part", &["body"]).await?;
-    stage.change(Action::RenameUnit(RenameUnit { name: "body".to_owned(), new_name: "skull".to_owned() })).await?;
+    stage.change(Action::Select(Select { target: named("body"), ..Select::default() })).await?;
+    stage.change(Action::SaveUnit(SaveUnit { name: "skull".to_owned(), ..SaveUnit::default() })).await?;
     means(stage, "the cranium", &["skull"]).await?;
     let edges = stage.scene_state().await?.r#box.ok_or("no box")?;
     let width = edges.max.unwrap_or_default().x - edges.min.unwrap_or_default().x;
-    stage.change(shift("skull", 4.0 * width)).await?;
-    means(stage, "the one on the right", &["skull"]).await?;
-    stage.change(shift("skull", -4.0 * width)).await?;
-    stage.change(Action::RenameUnit(RenameUnit { name: "skull".to_owned(), new_name: "body".to_owned() })).await?;
+    stage.change(shift("sac", -4.0 * width)).await?;
+    means(stage, "the leftmost one", &["sac"]).await?;
+    stage.change(shift("sac", 4.0 * width)).await?;
     Ok(())
 }
 

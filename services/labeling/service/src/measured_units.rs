@@ -154,7 +154,9 @@ fn displayed(unit: &BaseUnit, i: usize) -> Gaussian {
 #[cfg(test)]
 mod tests {
     use sg_proto::scene::command::Action;
-    use sg_proto::scene::{Color, DeleteGaussians, RenameUnit, SetColor, Target, TransformGaussians, Vector};
+    use sg_proto::scene::{
+        Color, DeleteGaussians, RenameUnit, SaveUnit, Select, SetColor, Target, TransformGaussians, Vector,
+    };
     use sg_scene::synthetic::test_scene;
 
     use super::*;
@@ -199,13 +201,18 @@ mod tests {
     fn a_name_alone_changes_no_look() {
         let scene = Arc::new(test_scene(&[("bone", 300), ("skin", 400)]));
         let opened = EditState::of_scene(&scene, "", "");
-        let rename = RenameUnit { name: "bone".into(), new_name: "skull".into() };
-        let renamed = opened.after(&scene, Action::RenameUnit(rename)).unwrap();
-        assert!(looks_alike(&opened, &renamed));
-        assert!(!looks_alike(&opened, &opened.after(&scene, red("bone")).unwrap()));
+        let select = Select { target: named("bone"), ..Select::default() };
+        let selected = opened.after(&scene, Action::Select(select)).unwrap();
+        let save = SaveUnit { name: "skul".into(), ..SaveUnit::default() };
+        let saved = selected.after(&scene, Action::SaveUnit(save)).unwrap();
+        let rename = RenameUnit { name: "skul".into(), new_name: "skull".into() };
+        let renamed = saved.after(&scene, Action::RenameUnit(rename)).unwrap();
+        assert!(looks_alike(&opened, &selected) && looks_alike(&saved, &renamed));
+        assert!(!looks_alike(&saved, &saved.after(&scene, red("bone")).unwrap()));
         let mut measured = MeasuredUnits::new(PlacedScene::new(scene));
         assert_eq!(measured.of(&opened).unwrap().names, ["bone", "skin"]);
-        assert_eq!(measured.of(&renamed).unwrap().names, ["skull", "skin"]);
+        assert_eq!(measured.of(&saved).unwrap().names, ["bone", "skin", "skul"]);
+        assert_eq!(measured.of(&renamed).unwrap().names, ["bone", "skin", "skull"]);
     }
 
     #[test]

@@ -46,6 +46,12 @@ impl Looks {
         self.units.get(unit).and_then(Option::as_ref)
     }
 
+    /// The range of all centres along right, up and front, in scene lengths.
+    #[must_use]
+    pub fn extent(&self) -> DVec3 {
+        (self.range.1 - self.range.0).max(DVec3::ZERO)
+    }
+
     /// The units that have attributes, in rising order.
     #[must_use]
     pub fn known(&self) -> Vec<usize> {

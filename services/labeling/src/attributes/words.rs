@@ -9,6 +9,8 @@ const CLEAR: f64 = 0.6;
 const CENTRAL: f64 = 0.75;
 /// Most places that are said: "on the left" and "at the top".
 const MAX_PLACES: usize = 2;
+/// Least range of the centres along an axis on which places are said, as a share of the greatest range.
+const APART: f64 = 0.25;
 
 const SHAPES: [(Quality, &str); 3] = [(Quality::Long, "long"), (Quality::Flat, "flat"), (Quality::Round, "round")];
 const PLACES: [(Quality, &str); 6] = [
@@ -47,8 +49,11 @@ pub fn describing(looks: &Looks, unit: usize) -> Vec<String> {
         words.push("transparent".to_owned());
     }
     if among.len() > 1 {
-        let mut places: Vec<(f64, &str)> = PLACES.map(|(quality, word)| (membership(quality, false), word)).into();
-        places.retain(|(fit, _)| *fit >= CLEAR);
+        let extent = looks.extent();
+        let axes = [extent.x, extent.x, extent.y, extent.y, extent.z, extent.z];
+        let apart = PLACES.into_iter().zip(axes).filter(|(_, along)| *along >= APART * extent.max_element());
+        let fits = apart.map(|((quality, word), _)| (membership(quality, false), word));
+        let mut places: Vec<(f64, &str)> = fits.filter(|(fit, _)| *fit >= CLEAR).collect();
         places.sort_by(|a, b| b.0.total_cmp(&a.0));
         if places.is_empty() && membership(Quality::Middle, false) >= CENTRAL {
             words.push("in the middle".to_owned());

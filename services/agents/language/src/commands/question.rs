@@ -87,11 +87,10 @@ pub(super) const DESCRIBE: Command = Command {
                  what is the opacity of | what's the opacity of | what is the size of | \
                  what's the size of | what are the properties of | how visible is | \
                  how much of the picture is | how much of the scene is | what about | info on | \
-                 information about | details of | details about | where is | where are | where's",
+                 information about | details of | details about",
             Ellipsis::Verb,
             subject,
         ),
-        Construct::new("what does | what do | how does | how do", looks),
         Construct::new("is | are", question),
         Construct::new(
             "describe | describe it all | describe what you see | describe the view | \
@@ -101,14 +100,7 @@ pub(super) const DESCRIBE: Command = Command {
             whole_scene,
         ),
     ],
-    examples: &[
-        "describe the scene",
-        "what is the {unit}?",
-        "how big is the {unit}?",
-        "what does the {unit} look like?",
-        "where is the {unit}?",
-        "is the {unit} visible?",
-    ],
+    examples: &["describe the scene", "what is the {unit}?", "how big is the {unit}?", "is the {unit} visible?"],
     fields: &[Field::optional("target")],
     effect: Effect::None,
     resolve: resolve_describe,
@@ -121,15 +113,6 @@ fn subject(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         skip("'s colour | 's color | 's opacity | 's transparency | 's size | 's properties").parse_next(rest)?;
         skip("like | look like | looking like | have | has | contain | contains | called | doing | there")
             .parse_next(rest)?;
-        end(rest)
-    })?;
-    Ok(Reading::of(Act::Describe, target))
-}
-
-/// Parses "the sac look like" and "the sac look".
-fn looks(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    let (target, ()) = target_then(input, |rest, _| {
-        exactly("look like | look").void().parse_next(rest)?;
         end(rest)
     })?;
     Ok(Reading::of(Act::Describe, target))
