@@ -93,7 +93,7 @@ struct FunctionAgent {
 /// A clause whose names are those of units, or a question about one of them.
 enum Chosen {
     /// The clause, and the names in it that were replaced.
-    Clause(Clause, Vec<ResolvedName>),
+    Clause(Box<Clause>, Vec<ResolvedName>),
     /// A name may mean several units.
     Question(String),
 }
@@ -258,7 +258,7 @@ impl FunctionAgent {
                 resolved_names.extend(meant);
             }
         }
-        Ok(Chosen::Clause(chosen, resolved_names))
+        Ok(Chosen::Clause(Box::new(chosen), resolved_names))
     }
 
     /// The unit that the model chooses for a name.
