@@ -22,12 +22,12 @@ enum Command {
     #[command(flatten)]
     Offline(cli::Command),
     /// Serve a session (a supervisor starts this)
-    Serve(ServeArgs),
+    Serve(Box<ServeArgs>),
 }
 
 fn main() -> ExitCode {
     match process::parse_command_line::<Arguments>().command {
         Command::Offline(command) => cli::run(&command),
-        Command::Serve(args) => process::run(args, env!("CARGO_PKG_VERSION"), actor::start),
+        Command::Serve(args) => process::run(*args, env!("CARGO_PKG_VERSION"), actor::start),
     }
 }

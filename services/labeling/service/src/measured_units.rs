@@ -28,11 +28,16 @@ pub(crate) struct Units {
     pub(crate) revision: u64,
 }
 
+/// The looks of the units of a state.
+struct Measured {
+    of: EditState,
+    looks: Vec<(UnitRef, Option<Attributes>)>,
+}
+
 /// Measures units, and keeps what the next revision has as well.
 pub(crate) struct MeasuredUnits {
     scene: PlacedScene,
-    /// Looks of the units of a state, by their reference.
-    measured: Option<(EditState, Vec<(UnitRef, Option<Attributes>)>)>,
+    measured: Option<Measured>,
     newest: Option<Arc<Units>>,
 }
 
@@ -68,19 +73,19 @@ impl MeasuredUnits {
     }
 
     fn attributes(&mut self, state: &EditState, refs: &[UnitRef]) -> Vec<Option<Attributes>> {
-        let known = self.measured.take().filter(|(of, _)| looks_alike(of, state)).map(|(_, known)| known);
+        let known = self.measured.take().filter(|known| looks_alike(&known.of, state));
         let placed = self.scene.of(state);
-        let measured: Vec<(UnitRef, Option<Attributes>)> = refs
+        let looks: Vec<(UnitRef, Option<Attributes>)> = refs
             .iter()
             .map(|unit| {
-                let known = known.iter().flatten().find(|(of, _)| of == unit);
+                let known = known.iter().flat_map(|known| &known.looks).find(|(of, _)| of == unit);
                 let newly = || measure(&placed, state, &state.members(*unit));
                 let attributes = known.map_or_else(newly, |(_, attributes)| *attributes);
                 (*unit, attributes)
             })
             .collect();
-        let attributes = measured.iter().map(|(_, attributes)| *attributes).collect();
-        self.measured = Some((state.clone(), measured));
+        let attributes = looks.iter().map(|(_, attributes)| *attributes).collect();
+        self.measured = Some(Measured { of: state.clone(), looks });
         attributes
     }
 }
