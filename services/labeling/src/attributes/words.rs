@@ -84,8 +84,8 @@ mod tests {
     fn words_say_colour_size_shape_and_place() {
         let units = vec![
             unit(DVec3::new(-5.0, 0.0, 0.0), DVec3::splat(2.0), [0.8, 0.1, 0.1], 0.9),
-            unit(DVec3::new(5.0, 0.0, 0.0), DVec3::new(0.1, 3.0, 0.1), [0.1, 0.2, 0.9], 0.9),
-            unit(DVec3::new(0.0, 0.1, 0.0), DVec3::new(1.0, 1.0, 0.01), [1.0, 1.0, 1.0], 0.1),
+            unit(DVec3::new(5.0, 0.1, 0.0), DVec3::new(0.1, 3.0, 0.1), [0.1, 0.2, 0.9], 0.9),
+            unit(DVec3::new(0.0, 0.05, 0.0), DVec3::new(1.0, 1.0, 0.01), [1.0, 1.0, 1.0], 0.1),
             None,
         ];
         let looks = Looks::new(units, Frame::XYZ);
