@@ -377,7 +377,7 @@ const MAP: [(&str, &str, &[&str]); 36] = [
     ("services/speech", "sg-speech", &["sg-input"]),
     ("services/layers", "sg-layers", &["sg-input"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),
-    ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers"]),
+    ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers", "sg-speech"]),
     ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
     ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use sentences::Spoken;
 use sg_whisper::{Acceptance, AudioContext, Options, PhraseSearch, Precision, Source, Whisper, normalized};
-use voices::Voice;
+use voices::voices;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 /// Frames of 20 ms: 30 s to 4 s.
@@ -29,9 +29,9 @@ const CONTEXTS: [usize; 6] = [1500, 1000, 750, 500, 350, 200];
 fn main() {
     let cache = directories::ProjectDirs::from("", "", "supergaussian").unwrap().cache_dir().to_owned();
     let folder = cache.join("models/whisper-tiny.en");
-    let scratch = tempfile::tempdir().unwrap();
     let spoken = Spoken::report().commands;
-    let sounds: Vec<Vec<f32>> = spoken.iter().map(|s| Voice::Flite("slt").speak(s, scratch.path())).collect();
+    let slt = voices().into_iter().next().unwrap();
+    let sounds: Vec<Vec<f32>> = spoken.iter().map(|s| slt.speak(s)).collect();
     let known = sentences::known();
     println!("| weights | context | listening | free text | with sentences | free right | commands right |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");

@@ -4,8 +4,14 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
-use sg_whisper::{Acceptance, AudioContext, Options, PhraseSearch, Precision, Source, Whisper, normalized};
+use sg_speech::child_process::Limits;
+use sg_speech::recognizer::Synthesizer as _;
+use sg_speech::synthesis::Flite;
+use sg_whisper::{
+    Acceptance, AudioContext, Options, PhraseSearch, Precision, SAMPLE_RATE, Source, Whisper, normalized,
+};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 const SENTENCES: [&str; 8] = [
@@ -35,19 +41,16 @@ fn tiny_en() -> Option<PathBuf> {
 
 /// A sentence by flite, at 16 kHz; none where flite is not installed.
 fn spoken(voice: &str, sentence: &str) -> Option<Vec<f32>> {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("sentence.wav");
-    let run = std::process::Command::new("flite").args(["-voice", voice, "-t", sentence, "-o"]).arg(&file).status();
+    let flite = Flite::find(std::env::var_os("PATH").as_deref(), voice);
     let required = std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1");
-    let done = run.is_ok_and(|status| status.success());
-    assert!(done || !required, "no flite, and SUPERGAUSSIAN_REQUIRE_TOOLS=1; run ops/setup-debian.sh");
-    if !done {
+    assert!(flite.is_ok() || !required, "no flite, and SUPERGAUSSIAN_REQUIRE_TOOLS=1; run ops/setup-debian.sh");
+    let Ok(flite) = flite else {
         eprintln!("SKIPPED: no flite, run ops/setup-debian.sh");
         return None;
-    }
-    let wav = std::fs::read(&file).unwrap();
-    let samples = wav[44..].as_chunks::<2>().0.iter();
-    Some(samples.map(|pair| f32::from(i16::from_le_bytes(*pair)) / 32768.0).collect())
+    };
+    let sound = flite.synthesize(sentence, &Limits::within(Duration::from_secs(30))).unwrap();
+    assert_eq!(sound.rate as usize, SAMPLE_RATE);
+    Some(sound.samples)
 }
 
 #[derive(serde::Deserialize)]

@@ -20,8 +20,9 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use sentences::Spoken;
+use sg_speech::accuracy::edit_distance;
 use sg_whisper::{Acceptance, AudioContext, Options, PhraseSearch, Phrases, Precision, Source, Whisper, normalized};
-use voices::{VOICES, Voice, with_noise};
+use voices::{Voice, voices, with_noise};
 
 struct Arguments {
     calibrate: bool,
@@ -44,7 +45,7 @@ fn arguments() -> Arguments {
         noise: Vec::new(),
         model: cache.join("models/whisper-tiny.en"),
         precision: Precision::F32,
-        voices: VOICES.to_vec(),
+        voices: voices(),
         decodings: Vec::new(),
     };
     let mut words = std::env::args().skip(1);
@@ -59,7 +60,7 @@ fn arguments() -> Arguments {
             "--decoding" => all.decodings.push(value().parse().unwrap()),
             "--voice" => {
                 let name = value();
-                all.voices.retain(|voice| voice.name().contains(&name));
+                all.voices.retain(|voice| voice.name.contains(&name));
             }
             "--precision" => {
                 all.precision = match value().as_str() {
@@ -79,19 +80,8 @@ fn arguments() -> Arguments {
 
 /// Word errors of a text: substitutions, insertions and deletions.
 fn word_errors(text: &str, expected: &str) -> usize {
-    let (text, expected) = (normalized(text), normalized(expected));
-    let expected: Vec<&str> = expected.split(' ').collect();
-    let mut row: Vec<usize> = (0..=expected.len()).collect();
-    for word in text.split(' ').filter(|word| !word.is_empty()) {
-        let mut diagonal = row[0];
-        row[0] += 1;
-        for (at, other) in expected.iter().enumerate() {
-            let replaced = diagonal + usize::from(word != *other);
-            diagonal = row[at + 1];
-            row[at + 1] = replaced.min(diagonal + 1).min(row[at] + 1);
-        }
-    }
-    row[expected.len()]
+    let words = |text: &str| normalized(text).split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    edit_distance(&words(text), &words(expected))
 }
 
 /// What one decoding made of all sentences of a voice.
@@ -153,14 +143,13 @@ const BONUSES: [f32; 3] = [1.0, 1.5, 2.0];
 
 /// Prints the best sentence's numbers for each sentence of the calibration.
 fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
-    let folder = tempfile::tempdir().unwrap();
     let spoken = Spoken::calibration();
     println!("voice\tsnr\tkind\tright\tbonus\tratio\ttotal\tlead\tfree-average\tno-speech\tsaid\tfree\tbest");
     for voice in &arguments.voices {
         for noise in &arguments.noise {
             let all = spoken.commands.iter().map(|s| (s, true)).chain(spoken.others.iter().map(|s| (s, false)));
             for (at, (sentence, command)) in all.enumerate() {
-                let samples = with_noise(&voice.speak(sentence, folder.path()), *noise, at as u64);
+                let samples = with_noise(&voice.speak(sentence), *noise, at as u64);
                 let hearing = model.listen(&samples, arguments.context, &NEVER).unwrap();
                 for token_bonus in BONUSES {
                     let acceptance = Acceptance { token_bonus, least_ratio: -40.0 };
@@ -173,7 +162,7 @@ fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                         found.best.map_or(f32::NEG_INFINITY, |best| best.log_probability) - found.free.log_probability;
                     println!(
                         "{}\t{noise:?}\t{}\t{right}\t{token_bonus}\t{ratio:.3}\t{total:.2}\t{:.2}\t{:.3}\t{:.3}\t{sentence}\t{}\t{best}",
-                        voice.name(),
+                        voice.name,
                         if command { "command" } else { "other" },
                         found.lead.unwrap_or(f32::INFINITY),
                         found.free.average_log_probability,
@@ -189,7 +178,6 @@ fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
 const DECODINGS: [&str; 5] = ["greedy", "5 beams", "greedy, prompt", "knows commands", "knows commands, prompt"];
 
 fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
-    let folder = tempfile::tempdir().unwrap();
     let spoken = Spoken::report();
     println!(
         "| voice, noise, decoding | word errors | commands right | wrong commands | false commands | real-time factor | ms |"
@@ -200,7 +188,7 @@ fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
             let mut tallies: [Tally; 5] = Default::default();
             let all = spoken.commands.iter().map(|s| (s, true)).chain(spoken.others.iter().map(|s| (s, false)));
             for (at, (sentence, command)) in all.enumerate() {
-                let samples = with_noise(&voice.speak(sentence, folder.path()), *noise, at as u64);
+                let samples = with_noise(&voice.speak(sentence), *noise, at as u64);
                 let beams = Options { beams: 5, ..Options::default() };
                 for (place, tally) in tallies.iter_mut().enumerate() {
                     if !arguments.decodings.is_empty() && !arguments.decodings.contains(&place) {
@@ -235,14 +223,14 @@ fn report(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                     tally.right += usize::from(command && right);
                     tally.wrong += usize::from(command && is_command && !right);
                     tally.false_commands += usize::from(!command && is_command);
-                    if arguments.details && (command != right) {
+                    if arguments.details && (command != right || !command && is_command) {
                         println!("    {}: {sentence} -> {text} ({source:?})", DECODINGS[place]);
                     }
                 }
             }
             let noise = noise.map_or_else(|| "clean".to_owned(), |decibels| format!("{decibels} dB"));
             for (tally, decoding) in tallies.iter().zip(DECODINGS).filter(|(tally, _)| tally.sentences > 0) {
-                let name = format!("{}, {noise}, {decoding}", voice.name());
+                let name = format!("{}, {noise}, {decoding}", voice.name);
                 tally.row(&name, spoken.commands.len(), spoken.others.len());
             }
         }
