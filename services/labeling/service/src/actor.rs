@@ -2,13 +2,13 @@
 //!
 //! It keeps no state of its own: names and looks are those of the scene. So a restart loses nothing.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
 use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
-use sg_labeling::attributes::judge::Looks;
 use sg_labeling::attributes::words::describing;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling;
@@ -198,23 +198,21 @@ impl Labeler {
         let state = self.state_at(request.at_least_revision, context).await?;
         tokio::task::block_in_place(|| {
             let units = self.measured(&state)?;
-            let mut attributes = units.attributes.clone();
-            let at = if request.unit.is_empty() {
+            let known = units.queryable.looks();
+            let (looks, at) = if request.unit.is_empty() {
                 let selected = state.selection().mask();
                 if selected.is_none() {
                     return Err(Fault::precondition("nothing is selected; select something or name a unit"));
                 }
-                attributes.push(self.units.look_of(&state, selected));
-                attributes.len() - 1
+                (Cow::Owned(known.with(self.units.look_of(&state, selected))), known.len())
             } else {
                 let at = units.names.iter().position(|name| *name == request.unit);
-                at.ok_or_else(|| Fault::not_found(format!("no unit is named `{}`", request.unit)))?
+                let at = at.ok_or_else(|| Fault::not_found(format!("no unit is named `{}`", request.unit)))?;
+                (Cow::Borrowed(known), at)
             };
-            let look = attributes.get(at).copied().flatten();
-            let words = describing(&Looks::new(attributes, units.frame), at);
             Ok(labeling::DescribeReply {
-                words,
-                look: look.map(|look| wire::encode_look(&request.unit, &look)),
+                words: describing(&looks, at),
+                look: looks.of(at).map(|look| wire::encode_look(&request.unit, look)),
                 revision: units.revision,
             })
         })

@@ -8,7 +8,6 @@ use clap::{Args, Subcommand};
 use sg_edit::{EditState, PlacedScene};
 use sg_formats::{LoadOptions, load};
 use sg_input::print;
-use sg_labeling::attributes::judge::Looks;
 use sg_labeling::attributes::words::describing;
 use sg_labeling::query::{Outcome, Ranked};
 
@@ -48,8 +47,8 @@ pub(crate) fn run(command: &Command) -> ExitCode {
     let outcome = match command {
         Command::Find(Find { scene, text }) => units(scene).and_then(|units| find(&units, text)),
         Command::Describe(Describe { scene }) => units(scene).and_then(|units| {
-            let looks = Looks::new(units.attributes.clone(), units.frame);
-            let line = |(at, name): (usize, &String)| format!("{name}: {}", describing(&looks, at).join(", "));
+            let looks = units.queryable.looks();
+            let line = |(at, name): (usize, &String)| format!("{name}: {}", describing(looks, at).join(", "));
             write(&units.names.iter().enumerate().map(line).collect::<Vec<_>>())?;
             Ok(ExitCode::SUCCESS)
         }),

@@ -18,12 +18,8 @@ const SAMPLES: usize = 16_384;
 pub(crate) struct Units {
     /// Their names, in the order of the items.
     pub(crate) names: Vec<String>,
-    /// Their measured looks.
-    pub(crate) attributes: Vec<Option<Attributes>>,
-    /// An index of both.
+    /// An index of the names and of the measured looks. Words such as "left" are those of the shared view.
     pub(crate) queryable: Queryable,
-    /// Directions of words such as "left": those of the shared view.
-    pub(crate) frame: Frame,
     /// The revision.
     pub(crate) revision: u64,
 }
@@ -59,10 +55,10 @@ impl MeasuredUnits {
             labelled(state).map(|(name, unit)| (unit, name.to_owned())).unzip();
         let attributes = self.attributes(state, &refs);
         let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
-        let items = names.iter().zip(&attributes);
-        let items = items.map(|(name, attributes)| Item { label: Some(name.clone()), attributes: *attributes });
+        let items = names.iter().zip(attributes);
+        let items = items.map(|(name, attributes)| Item { label: Some(name.clone()), attributes });
         let queryable = Queryable::new(items, frame)?;
-        let units = Arc::new(Units { names, attributes, queryable, frame, revision: state.revision() });
+        let units = Arc::new(Units { names, queryable, revision: state.revision() });
         self.newest = Some(Arc::clone(&units));
         Ok(units)
     }
@@ -104,23 +100,17 @@ fn looks_alike(a: &EditState, b: &EditState) -> bool {
         && a.base_units().iter().zip(b.base_units()).all(|(a, b)| {
             (a.palette, a.opacity, a.tone, a.first, a.count) == (b.palette, b.opacity, b.tone, b.first, b.count)
         });
-    let effective = |state: &EditState| state.units().filter(|u| !u.is_neutral()).cloned().collect::<Vec<_>>();
-    let (of_a, of_b) = (effective(a), effective(b));
-    let same_units = of_a.len() == of_b.len()
-        && of_a.iter().zip(&of_b).all(|(a, b)| {
-            let same_mask = Arc::ptr_eq(&a.mask, &b.mask) || a.mask == b.mask;
-            same_mask && (a.id, a.color, a.opacity, a.tone) == (b.id, b.color, b.opacity, b.tone)
-        });
-    // A merge or another change of members keeps the id of a neutral unit.
+    let same_mask = |a: &Arc<Mask>, b: &Arc<Mask>| Arc::ptr_eq(a, b) || a == b;
+    // A merge or another change of members keeps the id of a unit.
     let same_members = b.units().all(|unit| {
         let former = a.units().find(|former| former.id == unit.id);
-        former.is_none_or(|former| Arc::ptr_eq(&former.mask, &unit.mask) || former.mask == unit.mask)
+        former.is_none_or(|former| same_mask(&former.mask, &unit.mask))
     });
-    same_base
-        && same_units
-        && same_members
-        && a.has_scene_of(b)
-        && (Arc::ptr_eq(a.deleted(), b.deleted()) || a.deleted() == b.deleted())
+    let effects = |state: &EditState| -> Vec<_> {
+        let effective = state.units().filter(|unit| !unit.is_neutral());
+        effective.map(|unit| (unit.id, unit.color, unit.opacity, unit.tone)).collect()
+    };
+    same_base && same_members && effects(a) == effects(b) && a.has_scene_of(b) && same_mask(a.deleted(), b.deleted())
 }
 
 /// The look of some Gaussians of a state, of which `scene` is the placed scene. Hidden ones count. `None` for Gaussians that
@@ -182,7 +172,7 @@ mod tests {
         let mut measured = MeasuredUnits::new(PlacedScene::new(Arc::clone(&scene)));
         let first = measured.of(&opened).unwrap();
         assert_eq!(first.names, ["bone", "skin"]);
-        let look = |units: &Units, at: usize| units.attributes[at].unwrap();
+        let look = |units: &Units, at: usize| *units.queryable.looks().of(at).unwrap();
         assert_eq!((look(&first, 0).count, look(&first, 1).count), (300, 40_000));
         assert!(Arc::ptr_eq(&first, &measured.of(&opened).unwrap()));
 
@@ -197,7 +187,7 @@ mod tests {
         let by = look(&units, 1).center.x - look(&first, 1).center.x;
         assert!((by - 10.0 * edges).abs() < 1e-3 * edges, "{by}");
         let back = measured.of(&opened).unwrap();
-        assert_eq!(back.attributes, first.attributes);
+        assert_eq!([0, 1].map(|at| look(&back, at)), [0, 1].map(|at| look(&first, at)));
         let gone = opened.after(&scene, Action::DeleteGaussians(DeleteGaussians { target: named("bone") })).unwrap();
         assert_eq!(measured.of(&gone).unwrap().names, ["skin"]);
     }

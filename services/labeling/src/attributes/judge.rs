@@ -40,6 +40,24 @@ impl Looks {
         Self { units, places, range, frame }
     }
 
+    /// The same looks with one more unit behind them, in the same frame.
+    #[must_use]
+    pub fn with(&self, unit: Option<Attributes>) -> Self {
+        Self::new(self.units.iter().copied().chain([unit]).collect(), self.frame)
+    }
+
+    /// Number of units, with and without attributes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    /// Whether there is no unit.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.units.is_empty()
+    }
+
     /// The attributes of a unit, if it has any.
     #[must_use]
     pub fn of(&self, unit: usize) -> Option<&Attributes> {

@@ -54,6 +54,12 @@ impl Scene {
         Ok(Self { index, looks })
     }
 
+    /// The looks of the items, in their order.
+    #[must_use]
+    pub fn looks(&self) -> &Looks {
+        &self.looks
+    }
+
     /// The items that a text means.
     #[must_use]
     pub fn find(&self, text: &str) -> Outcome {
