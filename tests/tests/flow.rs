@@ -11,7 +11,7 @@ use sg_proto::keys;
 use sg_proto::render::State;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
-use sg_tests::stack::Stack;
+use sg_tests::stack::{SERVICES, Stack};
 
 /// A process that a test started, ended with it.
 struct Started(Child);
@@ -63,7 +63,7 @@ fn pictures_go_on_while_every_other_service_and_a_listener_stand_still() {
             .filter(|s| s["name"] != "render-view")
             .map(|s| Pid::from_raw(s["pid"].as_i64().unwrap().try_into().unwrap()))
             .collect();
-        assert_eq!(others.len(), 6);
+        assert_eq!(others.len(), SERVICES - 1);
         for pid in &others {
             kill(*pid, Signal::SIGSTOP).unwrap();
         }

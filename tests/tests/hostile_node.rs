@@ -19,7 +19,7 @@ use sg_proto::render::{CaptureRequest, Frame};
 use sg_runtime::bus::{Bus, Certificates, Link, RawMessage, ServerHandle};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
-use sg_tests::stack::{SESSION, Stack};
+use sg_tests::stack::{SERVICES, SESSION, Stack};
 use sg_tests::{command, executable};
 use tokio::runtime::Runtime;
 
@@ -336,7 +336,7 @@ fn a_hostile_node_changes_nothing() {
     let cli = runtime.block_on(trial.stack.join(role::CLI)).unwrap();
     let revision = || runtime.block_on(cli.newest(&keys::SCENE_STATE, &within(5000))).unwrap().revision;
     let (before, first) = (trial.at_home(), revision());
-    assert_eq!(before.len(), 6, "{before:?}");
+    assert_eq!(before.len(), SERVICES - 1, "{before:?}");
 
     let mut names: Vec<String> =
         ["gpu1", "gpu2", "scene", "agent-function", "/etc/hostname", "\u{1b}[2J", ""].map(str::to_owned).to_vec();

@@ -186,6 +186,14 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", "picture.png", "--initial-only", "--out", "new", "--spacing", "1,1,1"],
             ],
         ),
+        (
+            "labeling",
+            vec![
+                &["labeling", "find", "a.ply", "the sac"],
+                &["labeling", "find", "missing.ply", "the sac"],
+                &["labeling", "describe", "a.ply"],
+            ],
+        ),
         ("conformance", vec![&["conformance", "no-such-role", "./missing"]]),
         ("eval", vec![&["eval", "selection-ablation", "--out", "new", "--data", "missing"]]),
     ])

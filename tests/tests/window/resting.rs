@@ -8,7 +8,7 @@ use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_tests::bench::niceness;
 use sg_tests::screen::Screen;
-use sg_tests::stack::Stack;
+use sg_tests::stack::{SERVICES, Stack};
 use sg_tests::until::{PATIENCE, scene, view};
 
 use crate::MIDDLE;
@@ -87,7 +87,7 @@ fn frames_go_on_while_every_other_service_stands_still() {
             .filter(|s| s["name"] != "render-view")
             .map(|s| Pid::from_raw(s["pid"].as_i64().unwrap().try_into().unwrap()))
             .collect();
-        assert_eq!(others.len(), 6);
+        assert_eq!(others.len(), SERVICES - 1);
         // Ask for a change, so that a request waits beside the loop.
         for pid in &others {
             kill(*pid, Signal::SIGSTOP).unwrap();
