@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use prost::Message as _;
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "supergaussian/bus/v1/bus.proto",
     "supergaussian/scene/v1/scene.proto",
     "supergaussian/selection/v1/selection.proto",
+    "supergaussian/speech/v1/speech.proto",
     "supergaussian/render/v1/render.proto",
     "supergaussian/labeling/v1/labeling.proto",
     "supergaussian/language/v1/language.proto",

@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 
 use prost::Name;
 
-use crate::{bus, labeling, language, launch, render, scene, selection};
+use crate::{bus, labeling, language, launch, render, scene, selection, speech};
 
 /// First segment of every key expression.
 pub const ROOT: &str = "sg";
@@ -23,6 +23,8 @@ pub mod role {
     pub const SELECTION: &str = "selection";
     /// Finds the units that a text means, and says how units look.
     pub const LABELING: &str = "labeling";
+    /// Recognises speech and speaks replies.
+    pub const SPEECH: &str = "speech";
     /// Renders the shared view after each change of the scene.
     pub const RENDER_VIEW: &str = "render-view";
     /// Renders pictures on request.
@@ -44,10 +46,11 @@ pub mod role {
     pub const NON_SERVICES: [&str; 3] = [SUPERVISOR, CLI, NODE];
 
     /// All roles.
-    pub const ALL: [&str; 11] = [
+    pub const ALL: [&str; 12] = [
         SCENE,
         SELECTION,
         LABELING,
+        SPEECH,
         RENDER_VIEW,
         RENDER_CAPTURE,
         AGENT_CORE,
@@ -328,6 +331,17 @@ table! {
     /// State of the labeling service.
     LABELING_STATE: Retained<labeling::State> = (role::LABELING, "state");
 
+    /// Changes the microphone or stops the reply.
+    SPEECH_CONTROL: Request<speech::ControlRequest, speech::ControlReply> = (role::SPEECH, "cmd/control", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    /// Speaks a text.
+    SPEECH_SPEAK: Request<speech::SpeakRequest, speech::SpeakReply> = (role::SPEECH, "cmd/speak", &[role::CLI, role::RENDER_VIEW]);
+    /// What was recognised of an utterance, while it is heard and at its end.
+    SPEECH_RECOGNITION: Stream<speech::Recognition> = (role::SPEECH, "event/recognition") at Interactive;
+    /// The state of the speech service has changed.
+    SPEECH_CHANGE: Stream<speech::State> = (role::SPEECH, "event/state") at Interactive;
+    /// State of the speech service.
+    SPEECH_STATE: Retained<speech::State> = (role::SPEECH, "state");
+
     /// Renders one picture.
     CAPTURE: Request<render::CaptureRequest, render::Frame> = (role::RENDER_CAPTURE, "cmd/capture", CLIENTS) at Background;
     /// Finds the nearest surface at a pixel or along a ray.
@@ -344,7 +358,7 @@ table! {
     VIEW_STATE: Retained<render::State> = (role::RENDER_VIEW, "state");
 
     /// Sends an utterance to the agents.
-    UTTER: Request<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI, role::RENDER_VIEW]);
+    UTTER: Request<language::Utterance, language::Reply> = (role::AGENT_CORE, "cmd/utter", &[role::CLI, role::RENDER_VIEW, role::SPEECH]);
     /// An utterance was received.
     UTTERANCE: Stream<language::Utterance> = (role::AGENT_CORE, "event/utterance");
     /// The core agent requests an observation.

@@ -62,6 +62,7 @@ mod generated {
     domain!(labeling, "supergaussian.labeling.v1");
     domain!(language, "supergaussian.language.v1");
     domain!(launch, "supergaussian.launch.v1");
+    domain!(speech, "supergaussian.speech.v1");
 }
 
 pub use generated::backend::v1 as backend;
@@ -72,6 +73,7 @@ pub use generated::launch::v1 as launch;
 pub use generated::render::v1 as render;
 pub use generated::scene::v1 as scene;
 pub use generated::selection::v1 as selection;
+pub use generated::speech::v1 as speech;
 
 /// The compiled schema, a serialized `google.protobuf.FileDescriptorSet` with comments.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.binpb"));

@@ -27,10 +27,11 @@ use sg_tests::bench::{argument, quantile};
 use sg_tests::{command, made_scene};
 
 /// Services, and the time limit for the next answer of each, milliseconds.
-const SERVICES: [(&str, f64); 8] = [
+const SERVICES: [(&str, f64); 9] = [
     (role::SCENE, 1000.0),
     (role::SELECTION, 1000.0),
     (role::LABELING, 1000.0),
+    (role::SPEECH, 1000.0),
     (role::RENDER_VIEW, 300.0),
     (role::RENDER_CAPTURE, 300.0),
     (role::AGENT_INTENT, 300.0),
@@ -199,6 +200,7 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
             let request = FindRequest { text: "the sac".to_owned(), ..FindRequest::default() };
             bus.ask(&keys::LABELING_FIND, &request, &soon()).await.map(drop)
         }
+        role::SPEECH => bus.newest(&keys::SPEECH_STATE, &soon()).await.map(drop),
         role::RENDER_VIEW => bus.newest(&keys::VIEW_STATE, &soon()).await.map(drop),
         role::RENDER_CAPTURE => {
             let request =

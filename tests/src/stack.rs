@@ -14,7 +14,7 @@ use crate::{Missing, command, said, small_scene};
 pub const SESSION: &str = "tried";
 
 /// Number of services of the headless and of the desktop launch file.
-pub const SERVICES: usize = 8;
+pub const SERVICES: usize = 9;
 
 /// How long the stack may take until every service is ready.
 const READY: Duration = Duration::from_secs(90);

@@ -48,6 +48,11 @@ fn labeling() {
 }
 
 #[test]
+fn speech() {
+    holds(role::SPEECH, "supergaussian-speech");
+}
+
+#[test]
 fn render_view() {
     holds(role::RENDER_VIEW, "supergaussian-render-node");
 }

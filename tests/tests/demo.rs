@@ -19,8 +19,17 @@ use sg_tests::{Picture, Recolour, command, real_data, said};
 /// Few enough that a run takes seconds.
 const GAUSSIANS: &str = "20000";
 
-const SERVICES: [&str; 8] =
-    ["scene", "selection", "labeling", "render-view", "render-capture", "agent-core", "agent-intent", "agent-function"];
+const SERVICES: [&str; 9] = [
+    "scene",
+    "selection",
+    "labeling",
+    "speech",
+    "render-view",
+    "render-capture",
+    "agent-core",
+    "agent-intent",
+    "agent-function",
+];
 
 struct Run {
     folder: tempfile::TempDir,

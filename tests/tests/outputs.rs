@@ -194,6 +194,15 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["labeling", "describe", "a.ply"],
             ],
         ),
+        (
+            "speech",
+            vec![
+                &["speech", "listen", "a.ply"],
+                &["speech", "listen", "missing.wav"],
+                &["speech", "speak", "Done.", "--out", "new/deep/reply.wav"],
+                &["speech", "speak", "…", "--out", "new.wav"],
+            ],
+        ),
         ("conformance", vec![&["conformance", "no-such-role", "./missing"]]),
         ("eval", vec![&["eval", "selection-ablation", "--out", "new", "--data", "missing"]]),
     ])

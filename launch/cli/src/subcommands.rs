@@ -19,11 +19,12 @@ use crate::terminal::{CommandResult, Failure, print_status};
 pub(crate) const LOOK: Duration = Duration::from_millis(100);
 
 /// The command table: name, executable, help line. A new command is one row.
-const TABLE: [(&str, &str, &str); 9] = [
+const TABLE: [(&str, &str, &str); 10] = [
     ("scene", SCENE, "Show and convert Gaussian files"),
     ("render", "supergaussian-render-node", "Render one picture of a scene"),
     ("selection", "supergaussian-selection", "Cluster a scene and select by strokes"),
     ("labeling", "supergaussian-labeling", "Find units by text and describe their looks"),
+    ("speech", "supergaussian-speech", "Recognise commands in a sound file, and speak texts"),
     ("fit", "supergaussian-fit", "Turn a volume into an editable scene"),
     ("conformance", "supergaussian-conformance", "Test whether an executable can serve a role"),
     ("eval", "supergaussian-eval", "Make evaluation tables on scenes with known truth"),

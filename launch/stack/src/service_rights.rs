@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::io::{self, Read as _};
-use std::os::unix::fs::DirBuilderExt as _;
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -71,6 +71,8 @@ const HOME_READ: [&str; 9] = [
 const HOME_CACHES: [&str; 4] = [".cache/mesa_shader_cache", ".cache/mesa_shader_cache_db", ".cache/nvidia", ".nv"];
 /// Folder below the user's cache in which render processes keep compiled pipelines.
 const PIPELINES: &str = "supergaussian/pipelines";
+/// Folder below the user's cache with models of speech.
+const MODELS: &str = "supergaussian/models";
 /// Port of an OpenTelemetry collector whose address names none.
 const COLLECTOR_PORT: u16 = 4317;
 /// First TCP port of X11 displays.
@@ -270,6 +272,16 @@ impl Process<'_> {
                     rights.write.insert(cache);
                 }
             }
+            role::SPEECH => {
+                // A pipe is written itself, and a file beside its place.
+                let output = path("output");
+                let is_pipe = |p: &PathBuf| std::fs::metadata(p).is_ok_and(|m| m.file_type().is_fifo());
+                rights
+                    .write
+                    .extend(output.and_then(|p| if is_pipe(&p) { Some(p) } else { p.parent().map(Path::to_owned) }));
+                let cache = self.user_folder("XDG_CACHE_HOME", ".cache");
+                rights.read.extend(cache.map(|cache| cache.join(MODELS)).filter(|models| models.is_dir()));
+            }
             _ => {}
         }
         Ok(())
@@ -278,8 +290,8 @@ impl Process<'_> {
     /// Connections by TCP: agents reach language models, and everyone the collector of traces and a node's home. Programs of
     /// unknown roles may connect anywhere.
     fn network(&self, rights: &mut Rights) {
-        const LOCAL: [&str; 5] =
-            [role::SCENE, role::SELECTION, role::LABELING, role::RENDER_VIEW, role::RENDER_CAPTURE];
+        const LOCAL: [&str; 6] =
+            [role::SCENE, role::SELECTION, role::LABELING, role::SPEECH, role::RENDER_VIEW, role::RENDER_CAPTURE];
         if !LOCAL.contains(&self.role) {
             rights.connect = None;
             return;

@@ -45,6 +45,8 @@ pub struct EndpointSettings {
     pub pre_roll: Duration,
     /// Silence that ends an utterance.
     pub hang_over: Duration,
+    /// Silence after which an utterance has perhaps ended: [`Endpoint::Paused`]. Zero, or more than the hang-over, for none.
+    pub pause: Duration,
     /// Voice that an utterance has at least; shorter ones are dropped.
     pub shortest: Duration,
     /// Length at which an utterance ends in any case.
@@ -65,6 +67,7 @@ impl Default for EndpointSettings {
             onset: Duration::from_millis(48),
             pre_roll: Duration::from_millis(320),
             hang_over: Duration::from_millis(500),
+            pause: Duration::from_millis(160),
             shortest: Duration::from_millis(96),
             longest: Duration::from_secs(15),
             partial_period: Duration::from_millis(500),
@@ -116,6 +119,14 @@ pub enum Endpoint {
         start: u64,
         /// Samples so far.
         length: usize,
+    },
+    /// The voice has paused, and the utterance has perhaps ended. Its recognition may begin: if [`Endpoint::SpeechEnded`] follows
+    /// with the same `voice_end`, nothing was said since. [`Endpointer::utterance`] has the samples so far.
+    Paused {
+        /// First sample of the utterance.
+        start: u64,
+        /// End of the last voiced frame.
+        voice_end: u64,
     },
     /// An utterance is complete.
     SpeechEnded {
@@ -320,6 +331,11 @@ impl Endpointer {
             utterance.voice_end = self.position;
         } else {
             utterance.silent += FRAME;
+            let pause = samples_in(self.settings.pause, SPEECH_RATE);
+            let pauses = pause > 0 && utterance.silent >= pause && utterance.silent - FRAME < pause;
+            if pauses && utterance.voiced >= samples_in(self.settings.shortest, SPEECH_RATE) {
+                events.push(Endpoint::Paused { start: utterance.start, voice_end: utterance.voice_end });
+            }
         }
         let (length, ends_at) = (utterance.samples.len(), utterance.ends_at);
         let silence_ends = self.settings.trigger == Trigger::Voice
@@ -447,6 +463,7 @@ fn bounded(settings: EndpointSettings) -> EndpointSettings {
         onset: cut(settings.onset),
         pre_roll: cut(settings.pre_roll),
         hang_over: cut(settings.hang_over),
+        pause: cut(settings.pause),
         shortest: cut(settings.shortest),
         longest: cut(settings.longest).max(Duration::from_millis(32)),
         release_tail: cut(settings.release_tail),

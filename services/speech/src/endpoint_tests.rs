@@ -57,6 +57,7 @@ fn events(
 fn settings() -> EndpointSettings {
     EndpointSettings {
         hang_over: Duration::from_millis(160),
+        pause: Duration::ZERO,
         longest: Duration::from_secs(3),
         partial_period: Duration::from_millis(200),
         ..EndpointSettings::default()
@@ -79,6 +80,7 @@ fn any_settings() -> impl Strategy<Value = EndpointSettings> {
             hang_over,
             shortest,
             longest,
+            pause: hang_over / 2,
             partial_period: hang_over / 2,
             release_tail,
             ..EndpointSettings::default()
@@ -101,16 +103,21 @@ proptest! {
         prop_assert_eq!(&whole, &parts);
 
         // Started and ended in turn, each utterance a piece of the stream behind the one before.
-        let (mut open, mut free) = (None, 0);
+        let (mut open, mut free, mut paused) = (None, 0, None);
         for event in &whole {
             match event {
                 Endpoint::SpeechStarted { start, .. } => {
                     prop_assert!(open.is_none() && *start >= free, "{event:?} before {free}");
-                    open = Some(*start);
+                    (open, paused) = (Some(*start), None);
                 }
                 Endpoint::PartialDue { start, .. } => prop_assert_eq!(open, Some(*start)),
+                Endpoint::Paused { start, voice_end } => {
+                    prop_assert!(open == Some(*start) && paused < Some(*voice_end), "{event:?} after {paused:?}");
+                    paused = Some(*voice_end);
+                }
                 Endpoint::SpeechEnded { start, samples: said, voice_end, .. } => {
                     prop_assert_eq!(open.take(), Some(*start));
+                    prop_assert!(paused <= Some(*voice_end));
                     let at = usize::try_from(*start).unwrap();
                     prop_assert_eq!(&said[..], &samples[at..at + said.len()]);
                     free = start + said.len() as u64;
@@ -150,6 +157,7 @@ fn names(events: &[Endpoint]) -> String {
         Endpoint::SpeechStarted { during_reply: true, .. } => "barge-in".to_owned(),
         Endpoint::SpeechStarted { .. } => "started".to_owned(),
         Endpoint::PartialDue { .. } => "partial".to_owned(),
+        Endpoint::Paused { .. } => "paused".to_owned(),
         Endpoint::SpeechEnded { reason, .. } => format!("{reason:?}"),
         Endpoint::SpeechDropped { reason, .. } => format!("{reason:?}"),
     };
@@ -166,6 +174,22 @@ fn speech_between_silence_is_one_utterance_with_its_pre_roll() {
     assert!((60 * FRAME as u64 - start).abs_diff(5_120) <= FRAME as u64, "{start}");
     assert_eq!(*voice_end, 90 * FRAME as u64);
     assert_eq!(start + samples.len() as u64, 100 * FRAME as u64);
+}
+
+#[test]
+fn each_pause_is_reported_once_and_the_last_one_at_the_end_of_the_voice() {
+    let pausing = EndpointSettings { pause: Duration::from_millis(80), partial_period: Duration::ZERO, ..settings() };
+    // A pause of 6 frames, or 96 ms, and one of 3.
+    let (events, _) = events(pausing, &stream(&[30, 20, 6, 20, 3, 20, 30]), &[160], &[]);
+    assert_eq!(names(&events), "started paused paused Silence");
+    let ends: Vec<u64> = events
+        .iter()
+        .filter_map(|event| match event {
+            Endpoint::Paused { voice_end, .. } | Endpoint::SpeechEnded { voice_end, .. } => Some(*voice_end),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(ends, [50, 99, 99].map(|frame| frame * FRAME as u64));
 }
 
 #[test]

@@ -111,6 +111,15 @@ impl PhraseGrammar {
         Ok(())
     }
 
+    /// The values of a slot as they are written; none for an unknown slot.
+    pub fn slot(&self, name: &str) -> impl Iterator<Item = &str> {
+        let nodes = self.slots.get(name).map_or(&[][..], |values| values);
+        nodes.iter().filter_map(|node| match node {
+            Node::Text { written, .. } => Some(written.as_str()),
+            Node::Slot(_) | Node::Choice(_) => None,
+        })
+    }
+
     /// Whether no sentence can be said.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -180,6 +189,33 @@ impl PhraseGrammar {
             self.expand(&[template], &mut Vec::new(), most, &mut sentences);
         }
         sentences
+    }
+
+    /// As [`Self::sentences`], where templates with many sentences leave room for all others: of a list that is too long, each
+    /// template has an equal share at least.
+    #[must_use]
+    pub fn balanced_sentences(&self, most: usize) -> Vec<Sentence> {
+        let mut lists: Vec<Vec<Sentence>> = self
+            .templates()
+            .map(|template| {
+                let mut sentences = Vec::new();
+                self.expand(&[template], &mut Vec::new(), most, &mut sentences);
+                sentences
+            })
+            .collect();
+        // The longest list that all may have: short lists leave their room to the others.
+        let mut lengths: Vec<usize> = lists.iter().map(Vec::len).collect();
+        lengths.sort_unstable();
+        let (mut room, mut share) = (most, most);
+        for (at, length) in lengths.iter().enumerate() {
+            share = room / (lengths.len() - at);
+            if *length > share {
+                break;
+            }
+            room -= length;
+        }
+        lists.iter_mut().for_each(|list| list.truncate(share));
+        lists.into_iter().flatten().collect()
     }
 
     fn expand<'g>(&'g self, rest: &[&'g [Node]], said: &mut Vec<&'g Node>, most: usize, out: &mut Vec<Sentence>) {
@@ -329,6 +365,23 @@ mod tests {
             grammar.add(template).unwrap();
         }
         grammar
+    }
+
+    #[test]
+    fn a_long_template_leaves_room_for_the_others() {
+        let mut grammar = PhraseGrammar::new();
+        let many: Vec<String> = ('a'..='z').map(|c| format!("unit {c}")).collect();
+        grammar.set_slot("unit", &many).unwrap();
+        for template in ["merge {unit} with {unit}", "hide {unit}", "undo"] {
+            grammar.add(template).unwrap();
+        }
+        let all = grammar.balanced_sentences(10_000);
+        assert_eq!(all, grammar.sentences(10_000));
+        assert_eq!(all.len(), 26 * 26 + 26 + 1);
+        let few = grammar.balanced_sentences(100);
+        assert_eq!(few.len(), 100);
+        assert_eq!(few.iter().filter(|s| s.written.starts_with("merge")).count(), 73);
+        assert!(few.iter().any(|s| s.written == "undo"));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
 use sg_clusters::clustering::Level;
-use sg_tests::eval::{EvalError, Options, ablation, one_stroke, peers, plots, report};
+use sg_tests::eval::{EvalError, Options, ablation, one_stroke, peers, plots, report, spoken};
 
 /// Evaluation tables: the worth of the choices behind a result, on scenes whose truth is known
 #[derive(Debug, Parser)]
@@ -36,6 +36,14 @@ enum Table {
     /// Example: supergaussian eval one-stroke --out one-stroke --quick
     #[command(verbatim_doc_comment)]
     OneStroke(OneStroke),
+    /// Commands by voice: synthetic voices with noise, and what the recognizers make of them
+    ///
+    /// Writes speech.md (the table) and speech.json (the same numbers, and each sentence that was not right). Needs flite,
+    /// espeak-ng, and what recognises: pocketsphinx or the model of ops/models.sh.
+    ///
+    /// Example: supergaussian eval speech --out speech --quick
+    #[command(verbatim_doc_comment)]
+    Speech(Speech),
     /// Our side of tests/peers/compare.py: clusters a made scene, hands it over as arrays, prints our times as JSON
     ///
     /// Example: supergaussian eval peer clusters --gaussians 400000 --threads 2 --out there
@@ -76,6 +84,31 @@ enum Timed {
     Clusters,
     /// Walks on clusters and on Gaussians
     Walks,
+}
+
+#[derive(Debug, Args)]
+struct Speech {
+    /// The folder to write to; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Every eighth sentence, without noise and at 10 dB
+    #[arg(long)]
+    quick: bool,
+    /// Only these recognizers
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "whisper,sphinx")]
+    recognizers: Vec<String>,
+    /// Only these voices
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "slt,rms,en-us")]
+    voices: Vec<String>,
+    /// Signal-to-noise ratios of white noise, dB, or `clean`
+    #[arg(long, value_name = "DB,…", value_delimiter = ',', default_value = "clean,20,10,5")]
+    noise: Vec<String>,
+    /// Every so manyth sentence
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    every: usize,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1, value_name = "K")]
+    seed: u64,
 }
 
 #[derive(Debug, Args)]
@@ -129,6 +162,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().table {
         Table::SelectionAblation(arguments) => selection_ablation(&arguments),
         Table::OneStroke(arguments) => one_stroke(&arguments),
+        Table::Speech(arguments) => speech(&arguments),
         Table::Peer(arguments) => peer(&arguments),
     };
     match done {
@@ -170,6 +204,43 @@ fn peer(arguments: &Peer) -> Result<(), EvalError> {
             }
         }
     }
+    Ok(())
+}
+
+fn speech(arguments: &Speech) -> Result<(), EvalError> {
+    let write = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| EvalError::Write { path, source }
+    };
+    let decibels = |text: &String| match text.as_str() {
+        "clean" => Ok(None),
+        number => number.parse::<f64>().ok().filter(|db| db.is_finite()).map(Some).ok_or_else(|| EvalError::Data {
+            path: "--noise".to_owned(),
+            why: format!("`{number}` is neither a number of decibels nor `clean`"),
+        }),
+    };
+    let noise = arguments.noise.iter().map(decibels).collect::<Result<Vec<_>, _>>()?;
+    let executable = std::env::current_exe().map_err(write(Path::new("supergaussian-eval")))?;
+    let options = spoken::Options {
+        recognizers: arguments.recognizers.clone(),
+        voices: arguments.voices.clone(),
+        noise: if arguments.quick { vec![None, Some(10.0)] } else { noise },
+        every: if arguments.quick { 8 } else { arguments.every },
+        seed: arguments.seed,
+        executable: executable.with_file_name("supergaussian-speech"),
+    };
+    std::fs::create_dir_all(&arguments.out).map_err(write(&arguments.out))?;
+    let start = Instant::now();
+    let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
+    let rows = spoken::run(&options, &tell)?;
+    let table = spoken::markdown(&rows);
+    let json = serde_json::to_string_pretty(&rows).unwrap_or_default() + "\n";
+    for (name, text) in [("speech.json", &json), ("speech.md", &table)] {
+        let path = arguments.out.join(name);
+        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(write(&path))?;
+    }
+    print!("{table}");
+    tell(&format!("written to {}", arguments.out.display()));
     Ok(())
 }
 

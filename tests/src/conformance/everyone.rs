@@ -25,7 +25,7 @@ const EXIT_INPUT: i32 = 2;
 const BURST: usize = 12;
 
 /// Golden bytes by package. They hold the parts of the last release.
-const GOLDEN: [(&str, &str); 7] = [
+const GOLDEN: [(&str, &str); 8] = [
     ("supergaussian.bus.v1", include_str!("../../../proto/golden/supergaussian.bus.v1.txt")),
     ("supergaussian.labeling.v1", include_str!("../../../proto/golden/supergaussian.labeling.v1.txt")),
     ("supergaussian.language.v1", include_str!("../../../proto/golden/supergaussian.language.v1.txt")),
@@ -33,6 +33,7 @@ const GOLDEN: [(&str, &str); 7] = [
     ("supergaussian.render.v1", include_str!("../../../proto/golden/supergaussian.render.v1.txt")),
     ("supergaussian.scene.v1", include_str!("../../../proto/golden/supergaussian.scene.v1.txt")),
     ("supergaussian.selection.v1", include_str!("../../../proto/golden/supergaussian.selection.v1.txt")),
+    ("supergaussian.speech.v1", include_str!("../../../proto/golden/supergaussian.speech.v1.txt")),
 ];
 
 /// Arguments that the program must refuse before it serves anything.

@@ -17,6 +17,7 @@ mod render_capture;
 mod render_view;
 mod scene;
 mod selection;
+mod speech;
 mod stage;
 
 use std::path::PathBuf;
@@ -58,10 +59,11 @@ struct Subject {
     essence: fn(&[u8]) -> Result<String, String>,
 }
 
-const SUBJECTS: [Subject; 8] = [
+const SUBJECTS: [Subject; 9] = [
     scene::SUBJECT,
     selection::SUBJECT,
     labeling::SUBJECT,
+    speech::SUBJECT,
     render_view::SUBJECT,
     render_capture::SUBJECT,
     agent_core::SUBJECT,
@@ -108,6 +110,7 @@ pub async fn conform(candidate: &Candidate, tell: &mut dyn FnMut(&Check)) -> Res
             scene::ROLE => scene::checks(&mut stage, &mut checks).await,
             selection::ROLE => selection::checks(&mut stage, &mut checks).await,
             labeling::ROLE => labeling::checks(&mut stage, &mut checks).await,
+            speech::ROLE => speech::checks(&mut stage, &mut checks).await,
             render_view::ROLE => render_view::checks(&mut stage, &mut checks).await,
             render_capture::ROLE => render_capture::checks(&mut stage, &mut checks).await,
             agent_core::ROLE => agent_core::checks(&mut stage, &mut checks).await,

@@ -43,6 +43,7 @@ fn ours(role: &str) -> Result<PathBuf, String> {
         role::RENDER_VIEW | role::RENDER_CAPTURE => "supergaussian-render-node",
         role::SELECTION => "supergaussian-selection",
         role::LABELING => "supergaussian-labeling",
+        role::SPEECH => "supergaussian-speech",
         role::AGENT_CORE => "supergaussian-agent-core",
         role::AGENT_INTENT => "supergaussian-agent-intent",
         role::AGENT_FUNCTION => "supergaussian-agent-function",

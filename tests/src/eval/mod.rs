@@ -14,6 +14,7 @@ pub mod plots;
 pub mod report;
 pub mod shapes;
 pub mod solid;
+pub mod spoken;
 pub mod subject;
 
 use std::path::PathBuf;

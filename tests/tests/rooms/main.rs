@@ -327,7 +327,7 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 36] = [
+const MAP: [(&str, &str, &[&str]); 37] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
@@ -375,6 +375,11 @@ const MAP: [(&str, &str, &[&str]); 36] = [
         &["sg-edit", "sg-formats", "sg-input", "sg-labeling", "sg-proto", "sg-runtime", "sg-scene"],
     ),
     ("services/speech", "sg-speech", &["sg-input"]),
+    (
+        "services/speech/service",
+        "supergaussian-speech",
+        &["sg-input", "sg-language", "sg-layers", "sg-proto", "sg-runtime", "sg-speech", "sg-whisper"],
+    ),
     ("services/layers", "sg-layers", &["sg-input"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),
     ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers", "sg-speech"]),
@@ -446,6 +451,7 @@ const MAP: [(&str, &str, &[&str]); 36] = [
             "sg-runtime",
             "sg-scene",
             "sg-selection",
+            "sg-speech",
             "sg-stack",
             "sg-viewer",
             "sg-volume",

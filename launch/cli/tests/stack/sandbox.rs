@@ -87,7 +87,7 @@ impl Sandbox {
         let folder = self.path().join("installed");
         std::fs::create_dir_all(&folder).unwrap();
         let services =
-            ["scene", "selection", "labeling", "render-node", "agent-intent", "agent-function", "agent-core"];
+            ["scene", "selection", "labeling", "speech", "render-node", "agent-intent", "agent-function", "agent-core"];
         for service in services {
             self.script(&format!("installed/supergaussian-{service}"), "exec sleep 60");
         }

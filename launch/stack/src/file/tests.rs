@@ -283,7 +283,8 @@ fn nodes_connect_by_tls_and_are_known_by_name() {
 #[test]
 fn shipped_file_is_valid() {
     let path = Path::new("headless.toml");
-    let names = ["scene", "selection", "labeling", "render-node", "agent-core", "agent-intent", "agent-function"];
+    let names =
+        ["scene", "selection", "labeling", "speech", "render-node", "agent-core", "agent-intent", "agent-function"];
     let folder = tempfile::tempdir().unwrap();
     for name in names {
         let path = folder.path().join(format!("supergaussian-{name}"));

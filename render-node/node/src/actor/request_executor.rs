@@ -15,6 +15,7 @@ use sg_proto::launch::save_request::Content;
 use sg_proto::launch::{OpenReply, OpenRequest, SaveReply, SaveRequest};
 use sg_proto::scene::{Command, WalkTuning, command};
 use sg_proto::selection::{ProposalsRequest, SampleReply, SampleRequest, StrokesRequest, TuneReply, TuneRequest};
+use sg_proto::speech::ControlRequest;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -93,6 +94,11 @@ impl RequestExecutor {
             },
             Request::Forget => forget(writer),
             Request::Propose(count) => report_failure(writer, propose(bus, writer, count).await),
+            Request::Speech(control) => {
+                let request = ControlRequest { control: control.into() };
+                let context = Context::root().deadline_in(TIMEOUT);
+                report_failure(writer, bus.ask(&keys::SPEECH_CONTROL, &request, &context).await.map(drop));
+            }
             Request::Say(text) => *utterance_id = Some(say(bus, writer, text)),
             Request::Open(path, spacing) => match open(bus, &path, spacing).await {
                 Ok(reply) => writer.notice(opens(&path, &reply), false),

@@ -10,6 +10,7 @@ use sg_proto::language::{ActionResult, Intent, Reply, Utterance};
 use sg_proto::launch::OpenFailed;
 use sg_proto::scene::State;
 use sg_proto::selection::Preview;
+use sg_proto::speech;
 use sg_runtime::blobs::Blobs;
 use sg_runtime::bus::{Bus, BusError, Subscription};
 use sg_runtime::context::Context;
@@ -57,6 +58,8 @@ pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer:
         replies: bus.subscribe(&keys::REPLY, role::AGENT_CORE, QUEUE).await?,
     };
     tokio::spawn(conversation(feeds, writer.clone()));
+    let speech = bus.subscribe(&keys::SPEECH_CHANGE, role::SPEECH, QUEUE).await?;
+    tokio::spawn(self::speech(bus.clone(), speech, bus.watch_liveliness(QUEUE).await?, writer.clone()));
     tokio::spawn(opened(bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
     Ok(())
 }
@@ -208,6 +211,40 @@ async fn services(
         if seen.alive {
             all.push(seen.instance);
         }
+    }
+}
+
+/// The state of the speech service while one is there.
+async fn speech(
+    bus: Bus,
+    mut changes: Subscription<speech::State>,
+    mut liveliness: tokio::sync::mpsc::Receiver<sg_runtime::bus::LivelinessChange>,
+    writer: StateWriter,
+) {
+    let mut instances = Vec::new();
+    loop {
+        let newest = tokio::select! {
+            change = changes.next() => match change {
+                Some((state, _)) => Some(state),
+                None => return,
+            },
+            change = liveliness.recv() => match change {
+                Some(change) if change.role == role::SPEECH => {
+                    instances.retain(|instance| *instance != change.instance);
+                    if change.alive {
+                        instances.push(change.instance);
+                    }
+                    if instances.is_empty() {
+                        None
+                    } else {
+                        bus.newest(&keys::SPEECH_STATE, &Context::root().deadline_in(TIMEOUT)).await.ok()
+                    }
+                }
+                Some(_) => continue,
+                None => return,
+            },
+        };
+        writer.update(|state| state.speech = newest.map(Arc::new));
     }
 }
 

@@ -25,6 +25,8 @@ pub enum Request {
     Say(String),
     /// Withdraws the last sentence.
     Withdraw,
+    /// Changes the microphone, or stops the reply that sounds.
+    Speech(sg_proto::speech::Control),
     /// Opens a scene or volume in a window of its own. A raw volume may get the millimetres between its voxels along x, y, z.
     Open(PathBuf, Option<[f64; 3]>),
     /// Writes a file under a name that the person has chosen. The picture of such a request is removed afterwards.

@@ -43,6 +43,8 @@ pub struct ViewState {
     pub clusters: Option<Arc<Clusters>>,
     /// The conversation with the agents.
     pub conversation: Arc<Conversation>,
+    /// State of the speech service; absent while it is away.
+    pub speech: Option<Arc<sg_proto::speech::State>>,
     /// Which services answer.
     pub services: ServiceAvailability,
     /// Errors and other notices, newest last, at most [`NOTICES`] lines.
@@ -66,6 +68,7 @@ impl ViewState {
             proposals: None,
             clusters: None,
             conversation: Arc::default(),
+            speech: None,
             services: ServiceAvailability::default(),
             notices: Arc::default(),
         }

@@ -44,7 +44,14 @@ impl Panels {
             ui.set_min_size(ui.available_size());
             Panel::LANGUAGE.heading(ui);
             // The field stays at the bottom, independent of the conversation's length.
-            let below = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
+            let speech = state.speech.as_deref();
+            let row = ui.spacing().interact_size.y + 3.0 * ui.spacing().item_spacing.y;
+            let below = match speech {
+                Some(speech) if speech.notice.is_empty() && speech.question.is_empty() => 2.0 * row,
+                // With a line or two of a notice.
+                Some(_) => 3.0 * row,
+                None => row,
+            };
             let height = (ui.available_height() - below).max(60.0 * scale(ui));
             ScrollArea::vertical()
                 .id_salt("conversation")
@@ -52,6 +59,9 @@ impl Panels {
                 .min_scrolled_height(height)
                 .auto_shrink(false)
                 .show(ui, |ui| self.conversation(ui, state));
+            if let Some(speech) = speech {
+                self.microphone(ui, speech, &mut output);
+            }
             self.say(ui, state, &mut output);
         });
         output

@@ -44,6 +44,7 @@ mod last_turn;
 mod legend;
 mod light;
 mod merge;
+mod microphone;
 mod output;
 mod panel;
 mod pick_color;

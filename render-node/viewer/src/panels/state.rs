@@ -42,6 +42,8 @@ pub struct Panels {
     pub(super) shift: bool,
     pub(super) renaming: Option<UnitRef>,
     pub(super) select: SelectState,
+    /// Whether the button that is held to talk was down.
+    pub(super) is_talking: bool,
     /// The newest turn of the conversation as it was shown last.
     pub(super) last_turn: Option<LastTurn>,
     /// Revision of the scene that was shown last.

@@ -51,6 +51,9 @@ impl Panels {
                 if self.supported_actions.contains(&DisplayAction::Screenshot) && ui.button("screenshot").clicked() {
                     output.actions.push(DisplayAction::Screenshot);
                 }
+                if let Some(speech) = &state.speech {
+                    self.talk_button(ui, speech, &mut output);
+                }
                 for (on, text) in [(&mut tools.callouts, "labels"), (&mut tools.upright, "upright")] {
                     if choice(ui, *on, text) {
                         *on = !*on;

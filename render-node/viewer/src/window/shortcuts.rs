@@ -313,6 +313,7 @@ pub const MOUSE: &[(&str, &str)] = &[
     ("wheel", "nearer, further; with Shift a wider or narrower brush; with Alt less or more of a Region"),
     ("double click, to navigate", "look at that place"),
     ("W A S D, Q E", "fly, in that manner"),
+    ("hold Space", "talk to the agents, where a microphone waits for a key"),
 ];
 
 /// Keys that press, or leave, a control with the keyboard focus.
@@ -372,6 +373,13 @@ pub(super) fn pressed(input: &mut InputState, focus: KeyFocus) -> Pressed {
         false
     });
     result
+}
+
+/// Whether the key that is held to talk is down, and belongs to no control.
+#[must_use]
+pub(super) fn is_talking(input: &InputState, focus: KeyFocus) -> bool {
+    let is_taken = focus.is_typing || focus.has_control || focus.has_menu || focus.expects_field;
+    !is_taken && input.key_down(Key::Space)
 }
 
 /// What the list shows of a subject: keys with the same effect in one row.

@@ -9,6 +9,7 @@ use sg_edit::wire::encode_view;
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_proto::scene::{SetView, command, set_view};
+use sg_proto::speech::{Control, Trigger};
 use sg_scene::framing::{FirstView, near_distance};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
@@ -75,6 +76,8 @@ pub struct WindowUi {
     pub(super) help: bool,
     /// Whether the last frame left its keys to a field that waits for the focus.
     waited: bool,
+    /// Whether the key that is held to talk was down.
+    is_talking: bool,
     pub(super) closes: bool,
     frames: u64,
     /// The window's own message.
@@ -142,6 +145,7 @@ impl WindowUi {
             is_choosing_color: false,
             help: false,
             waited: false,
+            is_talking: false,
             closes: false,
             frames: 0,
             line: String::new(),
@@ -261,6 +265,11 @@ impl WindowUi {
         }
         for action in pressed.actions {
             self.act(action, &state, &mut requests);
+        }
+        let waits_for_key = state.speech.as_ref().is_some_and(|speech| speech.trigger() == Trigger::Held);
+        let is_talking = waits_for_key && ui.input(|input| shortcuts::is_talking(input, focus));
+        if std::mem::replace(&mut self.is_talking, is_talking) != is_talking {
+            requests.push(Request::Speech(if is_talking { Control::Press } else { Control::Release }));
         }
         self.hint_places = HintPlaces::default();
         self.take_dropped_files(ui, &mut requests);

@@ -46,6 +46,7 @@ pub mod report;
 pub mod request_ids;
 pub mod resolution;
 pub mod resolved_names;
+pub mod spoken;
 mod syntax;
 mod text;
 pub mod unit_choice;

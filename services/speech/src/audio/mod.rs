@@ -3,6 +3,7 @@
 //! A sample is an `f32` between −1 and 1. A block is any number of samples of one channel, in the order of time.
 
 pub mod level;
+pub mod paced;
 pub mod pcm;
 pub mod resample;
 pub mod sink;

@@ -1,0 +1,175 @@
+//! The offline subcommands: arguments and output.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use sg_input::print;
+use sg_language::grammar::sample_observation;
+use sg_speech::audio::SPEECH_RATE;
+use sg_speech::audio::resample::resample;
+use sg_speech::audio::sink::WavSink;
+use sg_speech::audio::wav::{MAX_DURATION, read_wav};
+use sg_speech::child_process::Limits;
+use sg_speech::endpoint::{Endpoint, EndpointSettings, Endpointer};
+use sg_speech::recognizer::Recognition;
+use sg_speech::sentences::sentences;
+use sg_speech::speaker::speak;
+use sg_speech::vad::GatedDetector;
+
+use crate::backends::{self, Chosen};
+use crate::commands;
+use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
+
+/// Longest work of one command.
+const LONGEST: Duration = Duration::from_secs(600);
+/// Samples a second of a spoken text.
+const RATE: u32 = 22_050;
+
+/// Subcommands that work on files alone.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Recognises the commands in WAV files.
+    ///
+    /// Each line is an utterance: "command" or "no command", the confidence, and the text; of several files the file too. Exit
+    /// status 1: no command was recognised.
+    ///
+    /// Example: supergaussian speech listen command.wav --unit sac --unit vessel
+    Listen(Listen),
+    /// Speaks a text into a WAV file.
+    ///
+    /// Example: supergaussian speech speak "The sac is hidden." --out reply.wav
+    Speak(Speak),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Listen {
+    /// WAV files of at most 10 minutes each
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Name of a unit that commands may have; repeat it for more
+    #[arg(long = "unit", value_name = "NAME")]
+    units: Vec<String>,
+    /// Recognizer
+    #[arg(long, value_enum, default_value = "auto")]
+    recognizer: RecognizerChoice,
+    /// Folder of a Whisper model, in the layout of Hugging Face or CTranslate2
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    /// Print each utterance as JSON, with the times of its begin and of its recognition
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Speak {
+    /// Text of at most 4000 bytes
+    text: String,
+    /// WAV file to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Synthesizer
+    #[arg(long, value_enum, default_value = "auto")]
+    synthesizer: SynthesizerChoice,
+    /// Voice, as the synthesizer names it, such as `en-us` or `slt`
+    #[arg(long, default_value = "")]
+    voice: String,
+}
+
+/// Runs a subcommand. Exit status: 0 for success, 1 for no command, 2 for wrong input.
+pub(crate) fn run(command: &Command) -> ExitCode {
+    let outcome = match command {
+        Command::Listen(arguments) => listen(arguments),
+        Command::Speak(arguments) => say(arguments).map(|()| ExitCode::SUCCESS),
+    };
+    outcome.unwrap_or_else(|message| {
+        print::status(&format!("error: {message}"));
+        ExitCode::from(2)
+    })
+}
+
+fn listen(arguments: &Listen) -> Result<ExitCode, String> {
+    let params =
+        BackendParams { recognizer: arguments.recognizer, model: arguments.model.clone(), ..BackendParams::default() };
+    let Chosen { backend: recognizer, notice } = backends::recognizer(&params)?;
+    let Some(mut recognizer) = recognizer else {
+        return Err(notice.unwrap_or_else(|| "no recognizer; choose one by --recognizer".to_owned()));
+    };
+    if let Some(notice) = notice {
+        print::status(&notice);
+    }
+    let names: Vec<&str> = arguments.units.iter().map(String::as_str).collect();
+    let scene = sample_observation(&names).scene.unwrap_or_default();
+    let expected = commands::expected(&scene, false).map_err(|e| e.to_string())?;
+    let limits = Limits::within(LONGEST);
+    if let Some(notice) = recognizer.prepare(&expected, &limits).map_err(|e| e.to_string())? {
+        print::status(&notice);
+    }
+    let mut is_command = false;
+    for file in &arguments.files {
+        for (start, samples) in utterances(file)? {
+            let limits = Limits::within(LONGEST);
+            let heard = recognizer.recognize(&samples, &expected, &limits).map_err(|e| e.to_string())?;
+            let heard = commands::judged(heard, &scene, false);
+            is_command |= heard.accepted;
+            let line = line_of(file, start, &heard, arguments);
+            print::result(&line).map_err(|e| format!("standard output: {e}"))?;
+        }
+    }
+    if !is_command {
+        print::status("no command was recognised");
+    }
+    Ok(if is_command { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The utterances of a file with their begins in samples of 16 kHz.
+fn utterances(file: &Path) -> Result<Vec<(u64, Vec<f32>)>, String> {
+    let recording = read_wav(file, MAX_DURATION).map_err(|e| e.to_string())?;
+    let recording = resample(&recording, SPEECH_RATE).map_err(|e| format!("{}: {e}", file.display()))?;
+    let whole =
+        EndpointSettings { pause: Duration::ZERO, partial_period: Duration::ZERO, ..EndpointSettings::default() };
+    let mut endpointer = Endpointer::new(Box::new(GatedDetector::default()), whole);
+    let mut events = endpointer.step(&recording.samples);
+    events.extend(endpointer.finish());
+    let utterances = events.into_iter().filter_map(|event| match event {
+        Endpoint::SpeechEnded { start, samples, .. } => Some((start, samples)),
+        _ => None,
+    });
+    Ok(utterances.collect())
+}
+
+fn line_of(file: &Path, start: u64, heard: &Recognition, arguments: &Listen) -> String {
+    if arguments.json {
+        return serde_json::json!({
+            "file": file.display().to_string(),
+            "start_s": start as f64 / f64::from(SPEECH_RATE),
+            "command": heard.accepted,
+            "confidence": heard.confidence,
+            "text": heard.text,
+            "recognition_ms": heard.elapsed.as_secs_f64() * 1e3,
+        })
+        .to_string();
+    }
+    let kind = if heard.accepted { "command" } else { "no command" };
+    let line = format!("{kind}\t{:.2}\t{}", heard.confidence, heard.text);
+    if arguments.files.len() == 1 { line } else { format!("{}\t{line}", file.display()) }
+}
+
+fn say(arguments: &Speak) -> Result<(), String> {
+    let params = BackendParams {
+        synthesizer: arguments.synthesizer,
+        voice: arguments.voice.clone(),
+        ..BackendParams::default()
+    };
+    let Chosen { backend: synthesizer, notice } = backends::synthesizer(&params)?;
+    let synthesizer = synthesizer
+        .ok_or_else(|| notice.unwrap_or_else(|| "no synthesizer; choose one by --synthesizer".to_owned()))?;
+    let all = sentences(&arguments.text);
+    if all.is_empty() {
+        return Err("the text has nothing to say".to_owned());
+    }
+    let mut sink = WavSink::create(&arguments.out, RATE).map_err(|e| e.to_string())?;
+    speak(all.into_iter(), &*synthesizer, &mut sink, &Limits::within(LONGEST)).map_err(|e| e.to_string())?;
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! The sentences that are expected of a scene, and what a recognised one means.
+
+use sg_language::grammar;
+use sg_language::spoken::{COMMANDS, needs_confirmation, slots};
+use sg_proto::language::{Intent, Observation};
+use sg_proto::scene::State;
+use sg_speech::error::SpeechError;
+use sg_speech::phrases::PhraseGrammar;
+use sg_speech::recognizer::Recognition;
+use sg_speech::spoken;
+
+/// Confidence from which free text may be a command.
+const WELL_HEARD: f32 = 0.6;
+
+/// What people say for yes and no.
+const YES: [&str; 5] = ["yes", "yes please", "yes do it", "confirm", "go ahead"];
+const NO: [&str; 5] = ["no", "no thanks", "no don't", "cancel", "never mind"];
+
+/// The sentences that are expected. `answers`: a yes or no as well.
+///
+/// # Errors
+/// [`SpeechError::Limit`]: a name is too long to be said.
+pub(crate) fn expected(state: &State, answers: bool) -> Result<PhraseGrammar, SpeechError> {
+    let mut expected = PhraseGrammar::new();
+    for (name, values) in slots(state) {
+        expected.set_slot(name, values)?;
+    }
+    let own = COMMANDS.iter().flat_map(|command| command.templates).copied();
+    let answers = YES.into_iter().chain(NO).filter(|_| answers);
+    own.chain(answers).try_for_each(|template| expected.add(template))?;
+    Ok(expected)
+}
+
+/// The intent of a text, if every part of it is understood.
+pub(crate) fn understood(text: &str, state: &State) -> Option<Intent> {
+    let observation = Observation { scene: Some(state.clone()), ..Observation::default() };
+    let intent = grammar::parse(text, &observation).ok()?;
+    (!intent.clauses.is_empty() && intent.not_understood.is_empty()).then_some(intent)
+}
+
+/// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well; with
+/// `any_text`, all text is accepted.
+pub(crate) fn judged(heard: Recognition, state: &State, any_text: bool) -> Recognition {
+    let is_command = || heard.confidence >= WELL_HEARD && understood(&heard.text, state).is_some();
+    let accepted = heard.accepted || !heard.text.is_empty() && (any_text || is_command());
+    Recognition { accepted, ..heard }
+}
+
+/// A question about a command that takes something away.
+pub(crate) fn question(text: &str, state: &State) -> Option<String> {
+    let intent = understood(text, state)?;
+    needs_confirmation(&intent).then(|| format!("Did you say “{text}”? Say yes or no."))
+}
+
+/// Whether a text is a yes or a no.
+pub(crate) fn answer(text: &str) -> Option<bool> {
+    let said = spoken::words(text).join(" ");
+    let is_one_of = |answers: [&str; 5]| answers.iter().any(|answer| spoken::words(answer).join(" ") == said);
+    match (is_one_of(YES), is_one_of(NO)) {
+        (true, _) => Some(true),
+        (_, true) => Some(false),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(names: &[&str]) -> State {
+        grammar::sample_observation(names).scene.unwrap()
+    }
+
+    #[test]
+    fn every_expected_sentence_is_the_command_of_its_row() {
+        let mut state = scene(&["sac", "left kidney"]);
+        state.focus = vec!["sac".to_owned()];
+        let mut wrong = Vec::new();
+        for command in COMMANDS {
+            let mut one = PhraseGrammar::new();
+            for (name, values) in slots(&state) {
+                // The second unit of a sentence is another one.
+                let values: Vec<&str> = if name == "other" { vec!["left kidney"] } else { values };
+                one.set_slot(name, values.into_iter().take(2)).unwrap();
+            }
+            command.templates.iter().for_each(|template| one.add(template).unwrap());
+            let sentences = one.sentences(10_000);
+            assert!(sentences.len() >= command.templates.len(), "{:?}", command.act);
+            for sentence in sentences {
+                let intent = understood(&sentence.written, &state);
+                if !intent
+                    .as_ref()
+                    .is_some_and(|intent| intent.clauses.iter().all(|clause| clause.act() == command.act))
+                {
+                    wrong.push(format!(
+                        "{:?}: {} -> {:?}",
+                        command.act,
+                        sentence.written,
+                        intent.map(|i| i.clauses.iter().map(sg_proto::language::Clause::act).collect::<Vec<_>>())
+                    ));
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "{}\n{}", wrong.len(), wrong.join("\n"));
+    }
+
+    #[test]
+    fn what_takes_away_is_asked_about() {
+        let state = scene(&["sac", "vessel"]);
+        assert_eq!(question("delete the sac", &state).unwrap(), "Did you say “delete the sac”? Say yes or no.");
+        assert!(question("merge the sac and the vessel", &state).is_some());
+        for harmless in ["hide the sac", "undo", "what a nice day"] {
+            assert!(question(harmless, &state).is_none(), "{harmless}");
+        }
+        assert_eq!(["Yes.", "no, don't", "hide the sac"].map(answer), [Some(true), Some(false), None]);
+    }
+}

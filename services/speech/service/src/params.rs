@@ -1,0 +1,150 @@
+//! Parameters in the launch file.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde::Deserialize;
+use sg_speech::endpoint::{BargeIn, EndpointSettings, Trigger};
+
+/// What opens the microphone.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Opening {
+    /// Speech itself.
+    #[default]
+    Voice,
+    /// A button or key that is held.
+    Held,
+}
+
+/// Which recognizer is used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum RecognizerChoice {
+    /// Whisper if there is a model, else sphinx if it is installed
+    #[default]
+    Auto,
+    /// Whisper with a model in a folder
+    Whisper,
+    /// pocketsphinx with a grammar
+    Sphinx,
+    /// None
+    None,
+}
+
+/// Which synthesizer is used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum SynthesizerChoice {
+    /// The first one that is installed
+    #[default]
+    Auto,
+    /// espeak-ng
+    Espeak,
+    /// flite
+    Flite,
+    /// None
+    None,
+}
+
+/// Which recognizer and synthesizer, for the process and for its offline commands.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct BackendParams {
+    pub(crate) recognizer: RecognizerChoice,
+    pub(crate) model: Option<PathBuf>,
+    pub(crate) synthesizer: SynthesizerChoice,
+    pub(crate) voice: String,
+}
+
+/// Parameters of the process.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Params {
+    /// A WAV file or named pipe in place of a microphone; empty for none.
+    pub(crate) input: PathBuf,
+    /// Samples a second of a pipe: 16-bit mono, little-endian.
+    pub(crate) input_rate: u32,
+    /// A WAV file or named pipe in place of a loudspeaker; empty for none.
+    pub(crate) output: PathBuf,
+    /// Samples a second of the output.
+    pub(crate) output_rate: u32,
+    /// What opens the microphone.
+    pub(crate) trigger: Opening,
+    /// Whether speech stops a reply that sounds. Without it the microphone is closed meanwhile.
+    pub(crate) barge_in: bool,
+    /// Whether the microphone is closed at first.
+    pub(crate) muted: bool,
+    /// Whether any sentence goes to the agents, for a language model that understands more than the commands.
+    pub(crate) free_text: bool,
+    /// Silence that ends an utterance, seconds.
+    pub(crate) silence: f64,
+    /// Recognizer: `auto`, `whisper`, `sphinx`, `none`.
+    pub(crate) recognizer: RecognizerChoice,
+    /// Folder of a Whisper model.
+    pub(crate) model: Option<PathBuf>,
+    /// Synthesizer: `auto`, `espeak`, `flite`, `none`.
+    pub(crate) synthesizer: SynthesizerChoice,
+    /// Voice of the synthesizer; empty for its default.
+    pub(crate) voice: String,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            input: PathBuf::new(),
+            input_rate: 16_000,
+            output: PathBuf::new(),
+            output_rate: 22_050,
+            trigger: Opening::default(),
+            barge_in: true,
+            muted: false,
+            free_text: false,
+            silence: 0.5,
+            recognizer: RecognizerChoice::default(),
+            model: None,
+            synthesizer: SynthesizerChoice::default(),
+            voice: String::new(),
+        }
+    }
+}
+
+impl Params {
+    /// Recognizer and synthesizer. Without a microphone nothing needs to be recognised.
+    pub(crate) fn backends(&self) -> BackendParams {
+        BackendParams {
+            recognizer: if self.has_input() { self.recognizer } else { RecognizerChoice::None },
+            model: self.model.clone(),
+            synthesizer: self.synthesizer,
+            voice: self.voice.clone(),
+        }
+    }
+
+    pub(crate) fn has_input(&self) -> bool {
+        !self.input.as_os_str().is_empty()
+    }
+
+    pub(crate) fn has_output(&self) -> bool {
+        !self.output.as_os_str().is_empty()
+    }
+
+    /// Settings of the endpointer.
+    ///
+    /// # Errors
+    /// One line: a time out of bounds.
+    pub(crate) fn endpoints(&self) -> Result<EndpointSettings, String> {
+        if !(0.1..=5.0).contains(&self.silence) {
+            return Err(format!("silence = {}: take 0.1 to 5 seconds", self.silence));
+        }
+        let usual = EndpointSettings::default();
+        Ok(EndpointSettings {
+            trigger: match self.trigger {
+                Opening::Voice => Trigger::Voice,
+                Opening::Held => Trigger::Held,
+            },
+            barge_in: if self.barge_in { usual.barge_in } else { BargeIn::Off },
+            hang_over: Duration::from_secs_f64(self.silence),
+            ..usual
+        })
+    }
+}

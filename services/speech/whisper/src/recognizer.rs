@@ -1,0 +1,186 @@
+//! Whisper as one of the recognizers of `sg-speech`.
+
+use std::time::{Duration, Instant};
+
+use sg_speech::child_process::Limits;
+use sg_speech::error::SpeechError;
+use sg_speech::phrases::PhraseGrammar;
+use sg_speech::recognizer::{self, Alternative, Recognizer};
+use sg_speech::vad::voiced;
+
+use crate::error::WhisperError;
+use crate::model::{AudioContext, Whisper};
+use crate::options::Options;
+use crate::phrase_scoring::PhraseSearch;
+use crate::phrases::Phrases;
+use crate::recognition::{Acceptance, Source};
+
+/// Name of this recognizer.
+const NAME: &str = "whisper";
+
+/// Shortest voice that is decoded.
+const SHORTEST: Duration = Duration::from_millis(96);
+
+/// Most sentences that the decoder knows. More would take longer to tell apart than a person waits.
+const MAX_KNOWN: usize = 8_000;
+
+/// Most names in the prompt.
+const MAX_PROMPT_NAMES: usize = 24;
+
+/// How the recognizer hears.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listening {
+    /// How much the encoder looks at.
+    pub context: AudioContext,
+    /// When a sentence of the grammar is taken for what was said.
+    pub acceptance: Acceptance,
+    /// Code of the spoken language; without one a multilingual model finds it out.
+    pub language: Option<String>,
+    /// Slot of the grammar whose values stand in the prompt, so that free text spells them well.
+    pub prompt_slot: String,
+}
+
+impl Default for Listening {
+    fn default() -> Self {
+        Self {
+            // 10 s: commands are shorter, and the time of the encoder grows with it.
+            context: AudioContext::Frames(500),
+            acceptance: Acceptance::default(),
+            language: None,
+            prompt_slot: "unit".to_owned(),
+        }
+    }
+}
+
+/// Whisper with a grammar. The likeliest sentence of the grammar is accepted if it is nearly as likely as free text. Else the free
+/// text is returned, not accepted.
+pub struct WhisperRecognizer {
+    model: Whisper,
+    listening: Listening,
+    prepared: Option<(PhraseGrammar, Option<Phrases>)>,
+}
+
+impl WhisperRecognizer {
+    /// A recognizer with a model.
+    #[must_use]
+    pub fn new(model: Whisper, listening: Listening) -> Self {
+        Self { model, listening, prepared: None }
+    }
+
+    /// Makes the tree of the grammar's sentences, if the grammar is a new one, and returns the number of sentences. A recognition
+    /// does this by itself; doing it before saves its time.
+    ///
+    /// # Errors
+    /// [`SpeechError::Limit`]: a sentence that is too long for the model.
+    pub fn prepare(&mut self, grammar: &PhraseGrammar) -> Result<usize, SpeechError> {
+        if self.prepared.as_ref().is_none_or(|(known, _)| known != grammar) {
+            let sentences: Vec<String> =
+                grammar.balanced_sentences(MAX_KNOWN).into_iter().map(|sentence| sentence.written).collect();
+            let phrases =
+                if sentences.is_empty() { None } else { Some(self.model.phrases(&sentences).map_err(fault)?) };
+            self.prepared = Some((grammar.clone(), phrases));
+        }
+        let phrases = self.prepared.as_ref().and_then(|(_, phrases)| phrases.as_ref());
+        Ok(phrases.map_or(0, |phrases| phrases.sentences().len()))
+    }
+
+    fn options(&self, grammar: &PhraseGrammar) -> Options {
+        let names: Vec<&str> = grammar.slot(&self.listening.prompt_slot).take(MAX_PROMPT_NAMES).collect();
+        let prompt = (!names.is_empty()).then(|| format!("{}.", names.join(", ")));
+        Options { prompt, language: self.listening.language.clone(), ..Options::default() }
+    }
+}
+
+impl Recognizer for WhisperRecognizer {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn recognize(
+        &mut self,
+        samples: &[f32],
+        grammar: &PhraseGrammar,
+        limits: &Limits,
+    ) -> Result<recognizer::Recognition, SpeechError> {
+        let began = Instant::now();
+        if voiced(samples) < SHORTEST {
+            return Ok(recognizer::Recognition::default());
+        }
+        self.prepare(grammar)?;
+        let options = self.options(grammar);
+        let hearing = self.model.listen(samples, self.listening.context, &limits.cancel).map_err(fault)?;
+        let phrases = self.prepared.as_ref().and_then(|(_, phrases)| phrases.as_ref());
+        let Some(phrases) = phrases else {
+            let free = self.model.transcribe(&hearing, &options, &limits.cancel).map_err(fault)?;
+            return Ok(recognizer::Recognition {
+                confidence: free.average_log_probability.exp().clamp(0.0, 1.0),
+                text: unrepeated(&free.text),
+                elapsed: began.elapsed(),
+                ..recognizer::Recognition::default()
+            });
+        };
+        let acceptance = self.listening.acceptance;
+        let found = self
+            .model
+            .recognize(&hearing, phrases, PhraseSearch::default(), acceptance, &options, &limits.cancel)
+            .map_err(fault)?;
+        let accepted = found.source != Source::Free;
+        let other = found.best.filter(|_| !accepted);
+        let alternatives = other.and_then(|best| {
+            Some(Alternative { text: phrases.sentences().get(best.sentence)?.clone(), score: best.ratio.min(0.0) })
+        });
+        let mean = match (found.best, found.source) {
+            (Some(best), Source::Command(at)) => {
+                best.log_probability / phrases.lengths.get(at).copied().unwrap_or(1).max(1) as f32
+            }
+            _ => found.free.average_log_probability,
+        };
+        Ok(recognizer::Recognition {
+            text: if accepted { found.text } else { unrepeated(&found.text) },
+            // The geometric mean of the tokens' probabilities.
+            confidence: mean.exp().clamp(0.0, 1.0),
+            accepted,
+            alternatives: alternatives.into_iter().collect(),
+            words: Vec::new(),
+            elapsed: began.elapsed(),
+        })
+    }
+}
+
+/// The text without its repetitions: a model that looks at less sound than in training may say a sentence again and again.
+fn unrepeated(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let is_period = |period: &usize| {
+        let repeats = || words.chunks(*period).all(|chunk| words.starts_with(chunk));
+        // Two equal words, as in "no no", may be what was said.
+        *period >= 2 && words.len().is_multiple_of(*period) && repeats()
+    };
+    let period = (1..=words.len() / 2).find(is_period).unwrap_or(words.len());
+    words[..period].join(" ")
+}
+
+fn fault(error: WhisperError) -> SpeechError {
+    match error {
+        WhisperError::Cancelled => SpeechError::Cancelled,
+        WhisperError::Sound(problem) => SpeechError::Limit(format!("the utterance cannot be recognised: {problem}")),
+        other => SpeechError::Failed { program: NAME.to_owned(), problem: other.to_string() },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_that_repeats_itself_is_said_once() {
+        for (text, once) in [
+            ("What a nice day. What a nice day.", "What a nice day."),
+            ("Undo it. Undo it. Undo it.", "Undo it."),
+            ("no no", "no no"),
+            ("hide the sac and hide the bone", "hide the sac and hide the bone"),
+            ("", ""),
+        ] {
+            assert_eq!(unrepeated(text), once);
+        }
+    }
+}
