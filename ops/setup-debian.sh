@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs on a Debian machine what `ops/check` needs and the machine lacks: compilers of C and C++, git, `ip`, a Vulkan driver made
 # of processor cores (lavapipe), a display without a screen (Xvfb) with a window manager (openbox) and what presses its keys (xdotool), ffmpeg,
-# speech programs (espeak-ng, flite, pocketsphinx), cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
+# the sound library, speech programs (espeak-ng, flite, pocketsphinx), cargo-nextest, cargo-deny, buf, the Python environment of the tests (ops/python.sh), their models (ops/models.sh) and their OpenXR runtime
 # (ops/monado.sh). Does nothing where everything is there; the Rust toolchain itself comes from rustup.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -23,6 +23,7 @@ have Xvfb || packages+=(xvfb)
 have xdotool || packages+=(xdotool)
 have openbox || packages+=(openbox)
 have ffmpeg || packages+=(ffmpeg)
+[[ -e /usr/include/alsa/asoundlib.h ]] || packages+=(libasound2-dev pkg-config)
 have espeak-ng || packages+=(espeak-ng)
 have flite || packages+=(flite)
 have pocketsphinx_batch || packages+=(pocketsphinx)

@@ -71,6 +71,12 @@ const HOME_READ: [&str; 9] = [
 const HOME_CACHES: [&str; 4] = [".cache/mesa_shader_cache", ".cache/mesa_shader_cache_db", ".cache/nvidia", ".nv"];
 /// Folder below the user's cache in which render processes keep compiled pipelines.
 const PIPELINES: &str = "supergaussian/pipelines";
+/// Folder of sound devices.
+const SOUND_DEVICES: &str = "/dev/snd";
+/// What sound servers keep in the user's runtime folder.
+const SOUND_SOCKETS: [&str; 3] = ["pipewire-0", "pipewire-0.lock", "pulse"];
+/// Settings of sound below the home folder.
+const SOUND_SETTINGS: [&str; 4] = [".asoundrc", ".config/alsa", ".config/pipewire", ".config/pulse"];
 /// Folder below the user's cache with models of speech.
 const MODELS: &str = "supergaussian/models";
 /// Port of an OpenTelemetry collector whose address names none.
@@ -96,6 +102,11 @@ pub(crate) struct Process<'a> {
     /// The session's scene on this machine, if there is one.
     pub(crate) scene: Option<&'a Path>,
     pub(crate) confinement: &'a Confinement,
+}
+
+/// Whether a parameter of the speech service names a sound device, as `device` or `device:NAME`.
+fn is_sound_device(parameter: &str) -> bool {
+    parameter == "device" || parameter.starts_with("device:")
 }
 
 /// Path of the session's scene: the parameter of the service that serves the role.
@@ -279,6 +290,10 @@ impl Process<'_> {
                 rights
                     .write
                     .extend(output.and_then(|p| if is_pipe(&p) { Some(p) } else { p.parent().map(Path::to_owned) }));
+                let device = |name: &str| self.params.get(name).and_then(Value::as_str).is_some_and(is_sound_device);
+                if device("input") || device("output") {
+                    self.sound(rights);
+                }
                 let cache = self.user_folder("XDG_CACHE_HOME", ".cache");
                 rights.read.extend(cache.map(|cache| cache.join(MODELS)).filter(|models| models.is_dir()));
             }
@@ -312,6 +327,17 @@ impl Process<'_> {
             ports.extend(X11_PORT.checked_add(number));
         }
         rights.connect = Some(ports);
+    }
+
+    /// Sound devices, with the settings and the sockets of the sound servers.
+    fn sound(&self, rights: &mut Rights) {
+        rights.devices.insert(SOUND_DEVICES.into());
+        rights.write.insert(SHARED_MEMORY.into());
+        let runtime = self.variable("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| folder.is_absolute());
+        rights.write.extend(runtime.into_iter().flat_map(|folder| SOUND_SOCKETS.map(|name| folder.join(name))));
+        if let Some(home) = self.home() {
+            rights.read.extend(SOUND_SETTINGS.map(|path| home.join(path)));
+        }
     }
 
     /// Graphics devices with their drivers.

@@ -23,7 +23,7 @@ impl Panels {
                     output.requests.push(Request::Speech(control));
                 }
             }
-            if speech.phase() == Phase::Speaking && ui.button("be quiet").clicked() {
+            if speech.phase() == Phase::Speaking && ui.button("stop speaking").clicked() {
                 output.requests.push(Request::Speech(Control::StopSpeaking));
             }
         });

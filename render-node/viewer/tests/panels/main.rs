@@ -12,6 +12,7 @@ mod curves;
 mod file_menu;
 mod frame_rate;
 mod legends;
+mod microphone;
 mod monkey;
 mod move_tool;
 mod picture;

@@ -134,7 +134,7 @@ fn only_available_requests_are_sent_and_they_are_valid() {
                             assert!(harness.state().shown.tuning().is_some(), "there is a walk, and who does it again");
                             tuned += 1;
                         }
-                        Request::Speech(control) => panic!("{control:?} without a speech service"),
+                        Request::Speech(_) => said += 1,
                         Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
                         Request::Open(..) | Request::Save(_) => panic!("panels open and save no file"),
                     }

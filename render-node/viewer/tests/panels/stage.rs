@@ -10,6 +10,7 @@ use sg_edit::wire::encode_mask;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, CommitSelection, SaveUnit, SetColor, Stroke, StrokeKind, StrokeMode, Target, WalkTuning};
 use sg_proto::selection::{Answer, Answers, Proposal, ProposalsReply};
+use sg_proto::speech::{self, Phase};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
@@ -53,6 +54,20 @@ pub(crate) fn save(name: &str) -> Action {
     Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })
 }
 
+/// A microphone that waits for a button, after something that was no command.
+pub(crate) fn microphone(phase: Phase) -> speech::State {
+    speech::State {
+        phase: phase.into(),
+        trigger: speech::Trigger::Held.into(),
+        input: "pipe /tmp/microphone".to_owned(),
+        output: "pipe /tmp/loudspeaker".to_owned(),
+        recognizer: "whisper".to_owned(),
+        synthesizer: "espeak".to_owned(),
+        notice: "“what a nice day” is no command".to_owned(),
+        ..speech::State::default()
+    }
+}
+
 /// A scene in the middle of work: a saved unit "sac" with a colour, a selection, a history, a conversation.
 pub(crate) fn shown() -> ViewState {
     let scene = scene();
@@ -75,6 +90,7 @@ pub(crate) fn shown() -> ViewState {
         redo: ["hid tissue".to_owned()].into(),
         clusters: Some(Arc::new(Clusters::new((0..scene.len()).map(|i| (i / 50) as u32).collect()))),
         conversation: Arc::new(talk),
+        speech: Some(Arc::new(microphone(Phase::Idle))),
         services: ServiceAvailability { scene: true, selection: true, agents: true },
         notices: [
             Notice { number: 1, text: "reading the scene took 1.2 s".to_owned(), refused: false },

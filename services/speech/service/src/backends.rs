@@ -10,7 +10,7 @@ use sg_speech::phrases::PhraseGrammar;
 use sg_speech::recognizer::{Recognition, Recognizer, Synthesizer};
 use sg_speech::sphinx::{MODELS, Sphinx};
 use sg_speech::synthesis::{Espeak, Flite};
-use sg_whisper::{Listening, Whisper, WhisperRecognizer};
+use sg_whisper::{RecognizerSettings, Whisper, WhisperRecognizer};
 
 use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
 
@@ -79,7 +79,7 @@ fn search_path() -> Option<OsString> {
 
 fn whisper(folder: &Path) -> Result<AnyRecognizer, String> {
     let model = Whisper::open(folder, Precision::F32).map_err(|e| e.to_string())?;
-    Ok(AnyRecognizer::Whisper(Box::new(WhisperRecognizer::new(model, Listening::default()))))
+    Ok(AnyRecognizer::Whisper(Box::new(WhisperRecognizer::new(model, RecognizerSettings::default()))))
 }
 
 fn sphinx() -> Result<AnyRecognizer, String> {

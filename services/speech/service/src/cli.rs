@@ -20,6 +20,7 @@ use sg_speech::vad::GatedDetector;
 
 use crate::backends::{self, Chosen};
 use crate::commands;
+use crate::devices;
 use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
 
 /// Longest work of one command.
@@ -41,6 +42,12 @@ pub(crate) enum Command {
     ///
     /// Example: supergaussian speech speak "The sac is hidden." --out reply.wav
     Speak(Speak),
+    /// Lists the microphones and loudspeakers of this machine.
+    ///
+    /// Each line has "input" or "output", the name for the parameters `input` and `output` behind `device:`, and a description.
+    ///
+    /// Example: supergaussian speech devices
+    Devices,
 }
 
 #[derive(Debug, Args)]
@@ -82,6 +89,10 @@ pub(crate) fn run(command: &Command) -> ExitCode {
     let outcome = match command {
         Command::Listen(arguments) => listen(arguments),
         Command::Speak(arguments) => say(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Devices => devices::names().and_then(|names| {
+            print::result(&names.join("\n")).map_err(|e| format!("standard output: {e}"))?;
+            Ok(ExitCode::SUCCESS)
+        }),
     };
     outcome.unwrap_or_else(|message| {
         print::status(&format!("error: {message}"));
@@ -111,7 +122,7 @@ fn listen(arguments: &Listen) -> Result<ExitCode, String> {
         for (start, samples) in utterances(file)? {
             let limits = Limits::within(LONGEST);
             let heard = recognizer.recognize(&samples, &expected, &limits).map_err(|e| e.to_string())?;
-            let heard = commands::judged(heard, &scene, false);
+            let heard = commands::with_acceptance(heard, &scene, false);
             is_command |= heard.accepted;
             let line = line_of(file, start, &heard, arguments);
             print::result(&line).map_err(|e| format!("standard output: {e}"))?;

@@ -40,7 +40,7 @@ pub(crate) fn understood(text: &str, state: &State) -> Option<Intent> {
 
 /// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well; with
 /// `any_text`, all text is accepted.
-pub(crate) fn judged(heard: Recognition, state: &State, any_text: bool) -> Recognition {
+pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool) -> Recognition {
     let is_command = || heard.confidence >= WELL_HEARD && understood(&heard.text, state).is_some();
     let accepted = heard.accepted || !heard.text.is_empty() && (any_text || is_command());
     Recognition { accepted, ..heard }

@@ -1,6 +1,5 @@
 //! The thread of the loudspeaker: one text after another.
 
-use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
 use std::time::Duration;
 
@@ -9,7 +8,7 @@ use sg_speech::recognizer::Synthesizer;
 use sg_speech::sentences::sentences;
 use sg_speech::speaker::{Spoken, speak};
 
-use crate::devices;
+use crate::devices::{self, Place};
 
 /// Most texts that wait.
 const QUEUE: usize = 4;
@@ -38,7 +37,7 @@ impl Loudspeaker {
     /// One line: no thread starts.
     pub(crate) fn start(
         synthesizer: Box<dyn Synthesizer>,
-        (output, rate): (PathBuf, u32),
+        (output, rate): (Place, u32),
         done: impl Fn(SpeechId, Result<Spoken, String>) + Send + 'static,
     ) -> Result<Self, String> {
         let (jobs, waiting) = mpsc::sync_channel::<Job>(QUEUE);

@@ -9,6 +9,8 @@ mod loudspeaker;
 mod microphone;
 mod params;
 mod recognition_thread;
+#[cfg(feature = "devices")]
+mod sound_devices;
 
 use std::process::ExitCode;
 

@@ -61,12 +61,12 @@ pub(crate) struct BackendParams {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Params {
-    /// A WAV file or named pipe in place of a microphone; empty for none.
-    pub(crate) input: PathBuf,
+    /// `device`, `device:NAME`, a WAV file or a named pipe; empty for none.
+    pub(crate) input: String,
     /// Samples a second of a pipe: 16-bit mono, little-endian.
     pub(crate) input_rate: u32,
-    /// A WAV file or named pipe in place of a loudspeaker; empty for none.
-    pub(crate) output: PathBuf,
+    /// As `input`: where replies go; empty for nowhere.
+    pub(crate) output: String,
     /// Samples a second of the output.
     pub(crate) output_rate: u32,
     /// What opens the microphone.
@@ -92,9 +92,9 @@ pub(crate) struct Params {
 impl Default for Params {
     fn default() -> Self {
         Self {
-            input: PathBuf::new(),
+            input: String::new(),
             input_rate: 16_000,
-            output: PathBuf::new(),
+            output: String::new(),
             output_rate: 22_050,
             trigger: Opening::default(),
             barge_in: true,
@@ -113,19 +113,11 @@ impl Params {
     /// Recognizer and synthesizer. Without a microphone nothing needs to be recognised.
     pub(crate) fn backends(&self) -> BackendParams {
         BackendParams {
-            recognizer: if self.has_input() { self.recognizer } else { RecognizerChoice::None },
+            recognizer: if self.input.is_empty() { RecognizerChoice::None } else { self.recognizer },
             model: self.model.clone(),
             synthesizer: self.synthesizer,
             voice: self.voice.clone(),
         }
-    }
-
-    pub(crate) fn has_input(&self) -> bool {
-        !self.input.as_os_str().is_empty()
-    }
-
-    pub(crate) fn has_output(&self) -> bool {
-        !self.output.as_os_str().is_empty()
     }
 
     /// Settings of the endpointer.

@@ -38,7 +38,7 @@ pub use options::{MAX_BEAMS, MAX_TOKENS, Options};
 pub use phrase_scoring::{PhraseScore, PhraseSearch, TOKEN_BONUS};
 pub use phrases::{MAX_SENTENCE_TOKENS, MAX_SENTENCES, Phrases};
 pub use recognition::{Acceptance, Candidate, Recognition, Source};
-pub use recognizer::{Listening, WhisperRecognizer};
+pub use recognizer::{RecognizerSettings, WhisperRecognizer};
 pub use sg_layers::Precision;
 pub use spectrogram::{MelFilters, SAMPLE_RATE, Spectrogram};
 pub use spelling::normalized;

@@ -29,7 +29,7 @@ const MAX_PROMPT_NAMES: usize = 24;
 
 /// How the recognizer hears.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Listening {
+pub struct RecognizerSettings {
     /// How much the encoder looks at.
     pub context: AudioContext,
     /// When a sentence of the grammar is taken for what was said.
@@ -40,7 +40,7 @@ pub struct Listening {
     pub prompt_slot: String,
 }
 
-impl Default for Listening {
+impl Default for RecognizerSettings {
     fn default() -> Self {
         Self {
             // 10 s: commands are shorter, and the time of the encoder grows with it.
@@ -56,15 +56,15 @@ impl Default for Listening {
 /// text is returned, not accepted.
 pub struct WhisperRecognizer {
     model: Whisper,
-    listening: Listening,
+    settings: RecognizerSettings,
     prepared: Option<(PhraseGrammar, Option<Phrases>)>,
 }
 
 impl WhisperRecognizer {
     /// A recognizer with a model.
     #[must_use]
-    pub fn new(model: Whisper, listening: Listening) -> Self {
-        Self { model, listening, prepared: None }
+    pub fn new(model: Whisper, settings: RecognizerSettings) -> Self {
+        Self { model, settings, prepared: None }
     }
 
     /// Makes the tree of the grammar's sentences, if the grammar is a new one, and returns the number of sentences. A recognition
@@ -85,9 +85,9 @@ impl WhisperRecognizer {
     }
 
     fn options(&self, grammar: &PhraseGrammar) -> Options {
-        let names: Vec<&str> = grammar.slot(&self.listening.prompt_slot).take(MAX_PROMPT_NAMES).collect();
+        let names: Vec<&str> = grammar.slot(&self.settings.prompt_slot).take(MAX_PROMPT_NAMES).collect();
         let prompt = (!names.is_empty()).then(|| format!("{}.", names.join(", ")));
-        Options { prompt, language: self.listening.language.clone(), ..Options::default() }
+        Options { prompt, language: self.settings.language.clone(), ..Options::default() }
     }
 }
 
@@ -108,7 +108,7 @@ impl Recognizer for WhisperRecognizer {
         }
         self.prepare(grammar)?;
         let options = self.options(grammar);
-        let hearing = self.model.listen(samples, self.listening.context, &limits.cancel).map_err(fault)?;
+        let hearing = self.model.listen(samples, self.settings.context, &limits.cancel).map_err(fault)?;
         let phrases = self.prepared.as_ref().and_then(|(_, phrases)| phrases.as_ref());
         let Some(phrases) = phrases else {
             let free = self.model.transcribe(&hearing, &options, &limits.cancel).map_err(fault)?;
@@ -119,7 +119,7 @@ impl Recognizer for WhisperRecognizer {
                 ..recognizer::Recognition::default()
             });
         };
-        let acceptance = self.listening.acceptance;
+        let acceptance = self.settings.acceptance;
         let found = self
             .model
             .recognize(&hearing, phrases, PhraseSearch::default(), acceptance, &options, &limits.cancel)

@@ -69,7 +69,7 @@ pub enum Kind {
 
 /// A sentence, and what was made of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Heard {
+pub struct Failure {
     /// What was said.
     pub said: String,
     /// What was recognised; several utterances are joined.
@@ -104,7 +104,7 @@ pub struct Row {
     /// Time of recognition for each second of sound.
     pub real_time_factor: f64,
     /// All sentences that were not right.
-    pub failures: Vec<Heard>,
+    pub failures: Vec<Failure>,
 }
 
 /// A line of `supergaussian speech listen --json`.
@@ -190,11 +190,11 @@ fn sound(voice: &dyn Synthesizer, sentence: &str, noise: Option<f64>, seed: u64)
     Ok(Recording { rate: SPEECH_RATE, samples })
 }
 
-/// Measures everything. `tell` hears of each part.
+/// Measures everything. `progress` gets a line about each part.
 ///
 /// # Errors
 /// [`EvalError`]: a voice or recognizer is not installed, or a file was not written.
-pub fn run(options: &Options, tell: &dyn Fn(&str)) -> Result<Vec<Row>, EvalError> {
+pub fn run(options: &Options, progress: &dyn Fn(&str)) -> Result<Vec<Row>, EvalError> {
     let said: Vec<(Kind, String)> = sentences()?.into_iter().step_by(options.every.max(1)).collect();
     let mut rows = Vec::new();
     for voice in &options.voices {
@@ -216,7 +216,7 @@ pub fn run(options: &Options, tell: &dyn Fn(&str)) -> Result<Vec<Row>, EvalError
                 let lines = listen(&options.executable, recognizer, &files)?;
                 rows.extend(tally(&said, &seconds, &files, &lines, (recognizer, voice, *noise)));
                 let noise = noise.map_or_else(|| "clean".to_owned(), |db| format!("{db} dB"));
-                tell(&format!("{recognizer}, {voice}, {noise}: {} sentences", said.len()));
+                progress(&format!("{recognizer}, {voice}, {noise}: {} sentences", said.len()));
             }
         }
     }
@@ -289,7 +289,7 @@ fn tally(
             length += seconds;
             if !is_right {
                 let said = sentence.clone();
-                row.failures.push(Heard { said, text, is_command: !commands.is_empty(), is_right });
+                row.failures.push(Failure { said, text, is_command: !commands.is_empty(), is_right });
             }
         }
         let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };

@@ -90,10 +90,10 @@ impl Speech {
             timer.abort();
         }
         let Some(deadline) = self.conversation.deadline() else { return };
-        let (tell, wait) = (self.tell.clone(), deadline.saturating_sub(self.begun.elapsed()));
+        let (mailbox, wait) = (self.mailbox.clone(), deadline.saturating_sub(self.begun.elapsed()));
         self.timer = Some(tokio::spawn(async move {
             tokio::time::sleep(wait).await;
-            tell.send(Message::Tick);
+            mailbox.send(Message::Tick);
         }));
     }
 
@@ -111,7 +111,7 @@ impl Speech {
                 None => {}
             }
         }
-        if let Some(asked) = commands::question(&text, self.hearing.scene()) {
+        if let Some(asked) = commands::question(&text, self.recognitions.scene()) {
             let until = Instant::now() + QUESTION_TIME;
             self.dialogue.question = Some(Question { command: text, text: asked.clone(), until });
             return self.step_later(Event::Reply { turn, text: asked });
@@ -126,11 +126,11 @@ impl Speech {
         }
         // All utterances of a microphone are one conversation: "it" means what was spoken of before.
         let context = Context::root().deadline_in(AGENT_TIME).at_step(self.context.id.clone(), 1);
-        let (bus, tell) = (self.bus.clone(), self.tell.clone());
+        let (bus, mailbox) = (self.bus.clone(), self.mailbox.clone());
         tokio::spawn(async move {
             let utterance = Utterance { text, source: Source::Speech.into() };
             let outcome = bus.ask(&keys::UTTER, &utterance, &context).await;
-            tell.send(Message::Answered { turn, outcome });
+            mailbox.send(Message::Answered { turn, outcome });
         });
     }
 
@@ -153,7 +153,7 @@ impl Speech {
             }
             speech::Control::Press => {
                 self.state.held = true;
-                self.speaking.stop_all();
+                self.playback.stop_all();
                 self.control_microphone(Control::Press);
             }
             speech::Control::Release => {
@@ -168,7 +168,7 @@ impl Speech {
                 self.control_microphone(Control::Unmute);
                 self.step(Event::Unmute).await;
             }
-            speech::Control::StopSpeaking => self.speaking.stop_all(),
+            speech::Control::StopSpeaking => self.playback.stop_all(),
             speech::Control::Unspecified => return Err(Fault::invalid("no control is given")),
         }
         Ok(())
@@ -178,7 +178,7 @@ impl Speech {
     pub(super) fn show(&mut self) {
         let own = phase(self.conversation.state());
         let is_quiet = matches!(own, speech::Phase::Idle | speech::Phase::Muted);
-        let phase = if is_quiet && self.speaking.is_sounding() { speech::Phase::Speaking } else { own };
+        let phase = if is_quiet && self.playback.is_sounding() { speech::Phase::Speaking } else { own };
         self.state.phase = phase.into();
         self.state.muted = self.conversation.is_muted();
         let asks = self.dialogue.question.as_ref().filter(|question| Instant::now() < question.until);

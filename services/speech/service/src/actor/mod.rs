@@ -11,8 +11,8 @@
 
 mod dialogue;
 mod follow;
-mod hearing;
-mod speaking;
+mod playback;
+mod recognitions;
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -32,15 +32,15 @@ use sg_speech::speaker::Spoken;
 use tokio::task::JoinHandle;
 
 use crate::backends::{self, Chosen};
-use crate::devices;
+use crate::devices::{self, Place};
 use crate::loudspeaker::{Loudspeaker, SpeechId};
 use crate::microphone::{Microphone, Sound};
 use crate::params::{Opening, Params};
 use crate::recognition_thread::{RecognitionThread, Report};
 
 use self::dialogue::Dialogue;
-use self::hearing::Hearing;
-use self::speaking::Speaking;
+use self::playback::Playback;
+use self::recognitions::Recognitions;
 
 /// Length of the mailbox: sound arrives faster than a slow bus answers.
 const QUEUE: usize = 64;
@@ -92,9 +92,10 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let Chosen { backend: recognizer, notice: deaf } =
         tokio::task::block_in_place(|| backends::recognizer(&chosen)).map_err(input)?;
     let Chosen { backend: synthesizer, notice: mute } = backends::synthesizer(&chosen).map_err(input)?;
-    if params.has_output() {
+    let (microphone, output) = (Place::of(&params.input), Place::of(&params.output));
+    if let Some(output) = &output {
         // A wrong path is known now and not at the first reply.
-        devices::output(&params.output, params.output_rate).map_err(|e| input(e.to_string()))?;
+        devices::output(output, params.output_rate).map_err(|e| input(e.to_string()))?;
     }
     let mut state = speech::State {
         trigger: match params.trigger {
@@ -105,17 +106,17 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         muted: params.muted,
         recognizer: recognizer.as_ref().map_or("", |r| r.name()).to_owned(),
         synthesizer: synthesizer.as_ref().map_or("", |s| s.name()).to_owned(),
-        notice: [deaf, mute.filter(|_| params.has_output())].into_iter().flatten().collect::<Vec<_>>().join("; "),
+        notice: [deaf, mute.filter(|_| output.is_some())].into_iter().flatten().collect::<Vec<_>>().join("; "),
         ..speech::State::default()
     };
-    if params.has_input() {
-        state.input = devices::description(&params.input);
-    } else {
-        state.notice = "no microphone: name a WAV file or a named pipe by the parameter `input`".to_owned();
+    match &microphone {
+        Some(place) => state.input = place.to_string(),
+        None => {
+            let how = "name a device, a named pipe or a WAV file by the parameter `input`";
+            state.notice = format!("no microphone: {how}");
+        }
     }
-    if params.has_output() {
-        state.output = devices::description(&params.output);
-    }
+    state.output = output.as_ref().map(Place::to_string).unwrap_or_default();
     let mut conversation = Conversation::new(Deadlines::default());
     if params.muted {
         conversation.step(Event::Mute, Duration::ZERO);
@@ -124,32 +125,34 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let published = host.bus().retain(&keys::SPEECH_STATE, state.clone()).await?;
     // The threads start before the actor has its mailbox. They have nothing to say until a message of the actor.
     let own = Arc::new(OnceLock::new());
-    let tell = Tell(Arc::clone(&own));
+    let own_mailbox = OwnMailbox(Arc::clone(&own));
     let recognizer = recognizer.map(|recognizer| {
-        let tell = tell.clone();
-        RecognitionThread::start(recognizer, move |report| tell.send(Message::Recognizer(report)))
+        let own_mailbox = own_mailbox.clone();
+        RecognitionThread::start(recognizer, move |report| own_mailbox.send(Message::Recognizer(report)))
     });
     let recognizer = recognizer.transpose().map_err(StartError::Failed)?;
-    let loudspeaker = synthesizer.filter(|_| params.has_output()).map(|synthesizer| {
-        let tell = tell.clone();
-        let output = (params.output.clone(), params.output_rate);
-        Loudspeaker::start(synthesizer, output, move |id, outcome| tell.send(Message::Spoken { id, outcome }))
+    let loudspeaker = synthesizer.zip(output).map(|(synthesizer, output)| {
+        let own_mailbox = own_mailbox.clone();
+        Loudspeaker::start(synthesizer, (output, params.output_rate), move |id, outcome| {
+            own_mailbox.send(Message::Spoken { id, outcome });
+        })
     });
     let loudspeaker = loudspeaker.transpose().map_err(StartError::Failed)?;
     let agent = Speech {
         host: host.clone(),
         bus: host.bus().clone(),
         params,
+        input: microphone,
         begun: Instant::now(),
         conversation,
         context: Context::root(),
-        hearing: Hearing::new(recognizer),
-        speaking: Speaking::new(loudspeaker),
+        recognitions: Recognitions::new(recognizer),
+        playback: Playback::new(loudspeaker),
         dialogue: Dialogue::default(),
         state,
         published,
         microphone: None,
-        tell,
+        mailbox: own_mailbox,
         timer: None,
     };
     let (mailbox, _) = host.spawn(agent, QUEUE);
@@ -182,9 +185,9 @@ fn phase(state: State) -> speech::Phase {
 
 /// The actor's own mailbox, for threads and tasks that report to it.
 #[derive(Clone)]
-struct Tell(Arc<OnceLock<Mailbox<Message>>>);
+struct OwnMailbox(Arc<OnceLock<Mailbox<Message>>>);
 
-impl Tell {
+impl OwnMailbox {
     /// Puts a message into the mailbox. A full one drops it, after a line in the log.
     fn send(&self, message: Message) {
         if let Some(mailbox) = self.0.get()
@@ -200,18 +203,20 @@ struct Speech {
     host: Host,
     bus: Bus,
     params: Params,
+    /// Where sound comes from.
+    input: Option<Place>,
     /// Start of the conversation's clock.
     begun: Instant,
     conversation: Conversation,
     /// The conversation of the agents that all utterances belong to.
     context: Context,
-    hearing: Hearing,
-    speaking: Speaking,
+    recognitions: Recognitions,
+    playback: Playback,
     dialogue: Dialogue,
     state: speech::State,
     published: RetainedValue<speech::State>,
     microphone: Option<Microphone>,
-    tell: Tell,
+    mailbox: OwnMailbox,
     timer: Option<JoinHandle<()>>,
 }
 
@@ -237,7 +242,7 @@ impl Actor for Speech {
     }
 
     fn state(&self) -> Observed {
-        Observed { state: self.conversation.state(), utterances: self.hearing.utterances() }
+        Observed { state: self.conversation.state(), utterances: self.recognitions.utterances() }
     }
 
     async fn handle(&mut self, message: Message) -> Result<(), ActorError> {
@@ -248,7 +253,7 @@ impl Actor for Speech {
             Message::Recognizer(report) => self.recognized(report).await,
             Message::Spoken { id, outcome } => self.spoken(id, outcome).await,
             Message::Answered { turn, outcome } => self.answered(turn, outcome).await,
-            Message::Scene(scene) => self.hearing.expect(*scene, &mut self.state),
+            Message::Scene(scene) => self.recognitions.expect(*scene, &mut self.state),
             Message::Tick => self.step(Event::Tick).await,
             Message::Control { request, reply } => {
                 let outcome = self.control(request.control()).await;
@@ -271,7 +276,7 @@ impl Actor for Speech {
     }
 
     async fn stop(&mut self) {
-        self.speaking.stop_all();
-        self.hearing.cancel();
+        self.playback.stop_all();
+        self.recognitions.cancel();
     }
 }

@@ -65,7 +65,7 @@ struct Complete {
 }
 
 /// Recognitions under way.
-pub(super) struct Hearing {
+pub(super) struct Recognitions {
     thread: Option<RecognitionThread>,
     scene: SceneState,
     /// The sentences that are expected, without and with a yes or no.
@@ -77,7 +77,7 @@ pub(super) struct Hearing {
     awaited: Option<Awaited>,
 }
 
-impl Hearing {
+impl Recognitions {
     pub(super) fn new(thread: Option<RecognitionThread>) -> Self {
         Self {
             thread,
@@ -134,13 +134,11 @@ impl Hearing {
 impl Speech {
     /// Opens the microphone.
     pub(super) fn open(&mut self) {
-        if !self.params.has_input() || self.microphone.is_some() {
-            return;
-        }
-        let tell = self.tell.clone();
+        let Some(input) = self.input.clone().filter(|_| self.microphone.is_none()) else { return };
+        let mailbox = self.mailbox.clone();
         let opened = self.params.endpoints().and_then(|settings| {
-            let source = devices::input(&self.params.input, self.params.input_rate).map_err(|e| e.to_string())?;
-            Microphone::start(source, settings, self.params.muted, move |sound| tell.send(Message::Sound(sound)))
+            let source = devices::input(&input, self.params.input_rate).map_err(|e| e.to_string())?;
+            Microphone::start(source, settings, self.params.muted, move |sound| mailbox.send(Message::Sound(sound)))
         });
         match opened {
             Ok(microphone) => {
@@ -167,29 +165,32 @@ impl Speech {
     pub(super) async fn hear(&mut self, sound: Sound) {
         match sound {
             Sound::Started => {
-                self.hearing.cancel_partial_and_early();
+                self.recognitions.cancel_partial_and_early();
                 self.step(Event::SpeechStarted).await;
             }
             Sound::Partial { samples } => {
                 // A partial text is worth no wait: one at a time, and only if nothing else runs.
-                if self.hearing.partial.is_none() && self.hearing.early.is_none() && self.hearing.awaited.is_none() {
-                    self.hearing.partial = self.hearing.begin(samples, self.dialogue.has_question()).ok();
+                if self.recognitions.partial.is_none()
+                    && self.recognitions.early.is_none()
+                    && self.recognitions.awaited.is_none()
+                {
+                    self.recognitions.partial = self.recognitions.begin(samples, self.dialogue.has_question()).ok();
                 }
             }
             Sound::Paused { start, voice_end, samples } => {
-                self.hearing.cancel_partial_and_early();
-                if let Ok(running) = self.hearing.begin(samples, self.dialogue.has_question()) {
-                    self.hearing.early = Some(Early { running, start, voice_end, outcome: None });
+                self.recognitions.cancel_partial_and_early();
+                if let Ok(running) = self.recognitions.begin(samples, self.dialogue.has_question()) {
+                    self.recognitions.early = Some(Early { running, start, voice_end, outcome: None });
                 }
             }
             Sound::Ended { start, voice_end, samples, voice_ended } => {
-                self.hearing.utterances += 1;
-                self.hearing.complete = Some(Complete { start, voice_end, samples, voice_ended });
+                self.recognitions.utterances += 1;
+                self.recognitions.complete = Some(Complete { start, voice_end, samples, voice_ended });
                 self.step(Event::SpeechEnded).await;
-                self.hearing.complete = None;
+                self.recognitions.complete = None;
             }
             Sound::Dropped => {
-                self.hearing.cancel_partial_and_early();
+                self.recognitions.cancel_partial_and_early();
                 self.step(Event::SpeechDropped).await;
             }
             Sound::Closed { problem } => {
@@ -205,11 +206,13 @@ impl Speech {
 
     /// Recognises the utterance that has ended.
     pub(super) async fn recognize(&mut self, turn: Turn) {
-        let Some(Complete { start, voice_end, samples, voice_ended }) = self.hearing.complete.take() else { return };
-        if let Some(partial) = self.hearing.partial.take() {
+        let Some(Complete { start, voice_end, samples, voice_ended }) = self.recognitions.complete.take() else {
+            return;
+        };
+        if let Some(partial) = self.recognitions.partial.take() {
             partial.cancel();
         }
-        let early = self.hearing.early.take();
+        let early = self.recognitions.early.take();
         let (running, outcome, whole) = match early {
             Some(Early { running, start: from, voice_end: end, outcome }) if (from, end) == (start, voice_end) => {
                 (Ok(running), outcome, Some(samples))
@@ -218,7 +221,7 @@ impl Speech {
                 if let Some(other) = other {
                     other.running.cancel();
                 }
-                (self.hearing.begin(samples, self.dialogue.has_question()), None, None)
+                (self.recognitions.begin(samples, self.dialogue.has_question()), None, None)
             }
         };
         match running {
@@ -226,7 +229,7 @@ impl Speech {
                 let awaited = Awaited { turn, running, voice_ended, whole };
                 match outcome {
                     Some(outcome) => self.take_result(awaited, outcome).await,
-                    None => self.hearing.awaited = Some(awaited),
+                    None => self.recognitions.awaited = Some(awaited),
                 }
             }
             Err(problem) => {
@@ -238,14 +241,15 @@ impl Speech {
 
     /// Takes the result for the utterance that is awaited, or looks again in all of its sound.
     async fn take_result(&mut self, mut awaited: Awaited, outcome: Outcome) {
-        let is_command =
-            |heard: &Recognition| commands::judged(heard.clone(), &self.hearing.scene, self.params.free_text).accepted;
+        let is_command = |heard: &Recognition| {
+            commands::with_acceptance(heard.clone(), &self.recognitions.scene, self.params.free_text).accepted
+        };
         let again = awaited.whole.take().filter(|_| !outcome.as_ref().is_ok_and(is_command));
         if let Some(samples) = again
-            && let Ok(running) = self.hearing.begin(samples, self.dialogue.has_question())
+            && let Ok(running) = self.recognitions.begin(samples, self.dialogue.has_question())
         {
             awaited.running = running;
-            self.hearing.awaited = Some(awaited);
+            self.recognitions.awaited = Some(awaited);
             return;
         }
         self.understand(awaited.turn, outcome, awaited.voice_ended).await;
@@ -253,7 +257,7 @@ impl Speech {
 
     /// Gives up the recognition of a turn.
     pub(super) fn cancel_recognition(&mut self, turn: Turn) {
-        if let Some(awaited) = self.hearing.awaited.take_if(|awaited| awaited.turn == turn) {
+        if let Some(awaited) = self.recognitions.awaited.take_if(|awaited| awaited.turn == turn) {
             awaited.running.cancel();
         }
     }
@@ -269,14 +273,14 @@ impl Speech {
             }
             Report::Recognized { id, outcome } => (id, outcome),
         };
-        if let Some(awaited) = self.hearing.awaited.take_if(|awaited| awaited.running.id == id) {
+        if let Some(awaited) = self.recognitions.awaited.take_if(|awaited| awaited.running.id == id) {
             return self.take_result(awaited, outcome).await;
         }
-        if let Some(early) = self.hearing.early.as_mut().filter(|early| early.running.id == id) {
+        if let Some(early) = self.recognitions.early.as_mut().filter(|early| early.running.id == id) {
             early.outcome = Some(outcome);
             return;
         }
-        if self.hearing.partial.take_if(|partial| partial.id == id).is_some()
+        if self.recognitions.partial.take_if(|partial| partial.id == id).is_some()
             && let Ok(recognition) = outcome
             && !recognition.text.is_empty()
         {
@@ -295,7 +299,7 @@ impl Speech {
                 return self.step_later(Event::NotUnderstood { turn });
             }
         };
-        let recognition = commands::judged(recognition, &self.hearing.scene, self.params.free_text);
+        let recognition = commands::with_acceptance(recognition, &self.recognitions.scene, self.params.free_text);
         let accepted = recognition.accepted;
         self.publish_recognition(&recognition, true, Some(voice_ended.elapsed())).await;
         if accepted {
@@ -313,7 +317,7 @@ impl Speech {
     async fn publish_recognition(&mut self, recognition: &Recognition, is_final: bool, after_voice: Option<Duration>) {
         let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
         let message = speech::Recognition {
-            utterance: self.hearing.utterances + u64::from(!is_final),
+            utterance: self.recognitions.utterances + u64::from(!is_final),
             text: recognition.text.clone(),
             r#final: is_final,
             confidence: recognition.confidence,
@@ -328,7 +332,7 @@ impl Speech {
     }
 }
 
-impl Hearing {
+impl Recognitions {
     fn cancel_partial_and_early(&mut self) {
         let early = self.early.take().map(|early| early.running);
         [self.partial.take(), early].iter().flatten().for_each(Running::cancel);

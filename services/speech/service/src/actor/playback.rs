@@ -31,12 +31,12 @@ struct Sounding {
 }
 
 /// Texts that are spoken or wait for it.
-pub(super) struct Speaking {
+pub(super) struct Playback {
     loudspeaker: Option<Loudspeaker>,
     sounding: Vec<Sounding>,
 }
 
-impl Speaking {
+impl Playback {
     pub(super) fn new(loudspeaker: Option<Loudspeaker>) -> Self {
         Self { loudspeaker, sounding: Vec::new() }
     }
@@ -69,7 +69,7 @@ impl Speaking {
 impl Speech {
     /// Speaks the reply of a turn. Without a loudspeaker it ends at once.
     pub(super) fn speak_reply(&mut self, turn: Turn, text: String) {
-        match self.speaking.begin(text, Purpose::Turn(turn)) {
+        match self.playback.begin(text, Purpose::Turn(turn)) {
             Ok(()) => self.control_microphone(Control::ReplyStarted),
             Err(_) => self.step_later(Event::ReplyEnded { turn }),
         }
@@ -77,7 +77,7 @@ impl Speech {
 
     /// Speaks a note beside the conversation, if anything speaks.
     pub(super) fn speak_note(&mut self, text: &str) {
-        if self.speaking.begin(text.to_owned(), Purpose::Note).is_ok() {
+        if self.playback.begin(text.to_owned(), Purpose::Note).is_ok() {
             self.control_microphone(Control::ReplyStarted);
         }
     }
@@ -89,7 +89,7 @@ impl Speech {
             let _ = reply.send(Err(Fault::invalid(problem)));
             return;
         }
-        match self.speaking.begin(text, Purpose::Request(reply)) {
+        match self.playback.begin(text, Purpose::Request(reply)) {
             Ok(()) => self.control_microphone(Control::ReplyStarted),
             Err((problem, Purpose::Request(reply))) => {
                 let _ = reply.send(Err(Fault::precondition(problem)));
@@ -101,16 +101,16 @@ impl Speech {
     /// Stops the reply of a turn.
     pub(super) fn stop_reply(&mut self, turn: Turn) {
         let is_it = |sounding: &&Sounding| matches!(sounding.purpose, Purpose::Turn(of) if of == turn);
-        if let Some(sounding) = self.speaking.sounding.iter().find(is_it) {
+        if let Some(sounding) = self.playback.sounding.iter().find(is_it) {
             sounding.limits.cancel.store(true, Ordering::Relaxed);
         }
     }
 
     /// Takes the end of a text.
     pub(super) async fn spoken(&mut self, id: SpeechId, outcome: Result<Spoken, String>) {
-        let Some(at) = self.speaking.sounding.iter().position(|sounding| sounding.id == id) else { return };
-        let Sounding { purpose, .. } = self.speaking.sounding.remove(at);
-        if !self.speaking.is_sounding() {
+        let Some(at) = self.playback.sounding.iter().position(|sounding| sounding.id == id) else { return };
+        let Sounding { purpose, .. } = self.playback.sounding.remove(at);
+        if !self.playback.is_sounding() {
             self.control_microphone(Control::ReplyEnded);
         }
         if let Err(problem) = &outcome {
