@@ -38,8 +38,8 @@ impl Panels {
         if !has_microphone(speech) || speech.trigger() != Trigger::Held || speech.muted {
             return;
         }
-        let button = Button::new("hold to talk").selected(speech.held).sense(Sense::drag());
-        let is_down = ui.add(button).is_pointer_button_down_on();
+        let button = Button::new("talk").selected(speech.held).sense(Sense::drag());
+        let is_down = ui.add(button).on_hover_text("hold it while you talk").is_pointer_button_down_on();
         if is_down != self.is_talking {
             self.is_talking = is_down;
             output.requests.push(Request::Speech(if is_down { Control::Press } else { Control::Release }));

@@ -37,7 +37,7 @@ fn a_button_talks_while_it_is_held() {
     for of in [Panel::LANGUAGE, Panel::WRIST] {
         let mut panel = panel(of, microphone(Phase::Idle));
         panel.run();
-        let at = panel.get_by_label("hold to talk").rect().center();
+        let at = panel.get_by_label("talk").rect().center();
         panel.drag_at(at);
         panel.run();
         assert_eq!(asked(&mut panel), [Control::Press], "{of:?}");
@@ -73,7 +73,7 @@ fn the_lamp_says_what_happens_and_offers_what_can_be_done() {
     }
     let mut muted = panel(Panel::LANGUAGE, State { muted: true, ..microphone(Phase::Muted) });
     muted.run();
-    assert!(is_there(&muted, "muted") && !is_there(&muted, "hold to talk"));
+    assert!(is_there(&muted, "muted") && !is_there(&muted, "talk"));
     press(&mut muted, "unmute");
     assert_eq!(asked(&mut muted), [Control::Unmute]);
 }
@@ -93,7 +93,7 @@ fn without_a_microphone_nothing_is_offered() {
     let mut panel = panel(Panel::LANGUAGE, deaf);
     panel.run();
     assert!(is_there(&panel, "no microphone") && is_there(&panel, "no microphone: …"));
-    assert!(!is_there(&panel, "hold to talk") && !is_there(&panel, "mute"));
+    assert!(!is_there(&panel, "talk") && !is_there(&panel, "mute"));
 }
 
 #[test]
