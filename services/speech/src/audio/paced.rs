@@ -8,7 +8,7 @@ use super::{AudioError, duration_of};
 /// How far the samples may be ahead of what is heard.
 const LEAD: Duration = Duration::from_millis(200);
 
-/// Writes to another sink at most [`LEAD`] ahead of the time, so that a reader with a small buffer loses nothing and a stop is
+/// Writes to another sink at most 200 ms ahead of the time, so that a reader with a small buffer loses nothing and a stop is
 /// heard soon.
 pub struct PacedSink<S> {
     sink: S,
