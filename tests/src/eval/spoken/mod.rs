@@ -67,7 +67,7 @@ pub enum Kind {
     OffTopic,
 }
 
-/// A sentence, and what was made of it.
+/// A sentence that was not right, and what was made of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Failure {
     /// What was said.
@@ -76,8 +76,6 @@ pub struct Failure {
     pub text: String,
     /// Whether anything was taken as a command.
     pub is_command: bool,
-    /// Whether the command is the one that was said.
-    pub is_right: bool,
 }
 
 /// One row: a recognizer, a voice, a noise and a kind of sentences.
@@ -289,7 +287,7 @@ fn tally(
             length += seconds;
             if !is_right {
                 let said = sentence.clone();
-                row.failures.push(Failure { said, text, is_command: !commands.is_empty(), is_right });
+                row.failures.push(Failure { said, text, is_command: !commands.is_empty() });
             }
         }
         let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };

@@ -27,6 +27,12 @@ struct Question {
     until: Instant,
 }
 
+impl Question {
+    fn is_open(&self) -> bool {
+        Instant::now() < self.until
+    }
+}
+
 /// Questions, and events that follow from actions.
 #[derive(Default)]
 pub(super) struct Dialogue {
@@ -36,9 +42,14 @@ pub(super) struct Dialogue {
 }
 
 impl Dialogue {
+    /// The question that still waits for its yes or no.
+    fn question(&self) -> Option<&Question> {
+        self.question.as_ref().filter(|question| question.is_open())
+    }
+
     /// Whether a yes or no is expected.
     pub(super) fn has_question(&self) -> bool {
-        self.question.as_ref().is_some_and(|question| Instant::now() < question.until)
+        self.question().is_some()
     }
 }
 
@@ -99,8 +110,7 @@ impl Speech {
 
     /// Sends a command to the agents, or asks first.
     fn submit(&mut self, turn: Turn, text: String) {
-        let question = self.dialogue.question.take().filter(|question| Instant::now() < question.until);
-        if let Some(question) = question {
+        if let Some(question) = self.dialogue.question.take().filter(Question::is_open) {
             match commands::answer(&text) {
                 Some(true) => return self.utter(turn, question.command),
                 Some(false) => {
@@ -181,7 +191,6 @@ impl Speech {
         let phase = if is_quiet && self.playback.is_sounding() { speech::Phase::Speaking } else { own };
         self.state.phase = phase.into();
         self.state.muted = self.conversation.is_muted();
-        let asks = self.dialogue.question.as_ref().filter(|question| Instant::now() < question.until);
-        self.state.question = asks.map(|question| question.text.clone()).unwrap_or_default();
+        self.state.question = self.dialogue.question().map(|question| question.text.clone()).unwrap_or_default();
     }
 }

@@ -34,13 +34,13 @@ pub(super) async fn scene(bus: Bus, mailbox: Mailbox<Message>) {
             Ok(state) => mailbox.tell(Message::Scene(Box::new(state))).is_ok(),
             Err(_) => false,
         };
-        let changed = if is_known {
-            changes.next().await.is_some()
+        if is_known {
+            if changes.next().await.is_none() {
+                return;
+            }
         } else {
-            tokio::time::timeout(RETRY, changes.next()).await.is_ok_and(|change| change.is_some()) || !is_known
-        };
-        if !changed {
-            return;
+            // A change is worth a try at once.
+            let _ = tokio::time::timeout(RETRY, changes.next()).await;
         }
         // A stroke changes the scene many times a second.
         while let Ok(change) = tokio::time::timeout(SETTLED, changes.next()).await {
