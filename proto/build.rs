@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use prost::Message as _;
 
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     "supergaussian/bus/v1/bus.proto",
     "supergaussian/scene/v1/scene.proto",
     "supergaussian/selection/v1/selection.proto",
@@ -16,6 +16,7 @@ const FILES: [&str; 9] = [
     "supergaussian/language/v1/language.proto",
     "supergaussian/launch/v1/launch.proto",
     "supergaussian/backend/v1/backend.proto",
+    "supergaussian/backend/v1/speech.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

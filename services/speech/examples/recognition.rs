@@ -43,7 +43,7 @@ fn main() {
     let grammar = grammar(&report::LABELS);
     let mut sphinx = Sphinx::find(std::env::var_os("PATH").as_deref(), Path::new(MODELS)).expect("pocketsphinx");
     let limits = || Limits::within(Duration::from_secs(60));
-    let unpronounceable = sphinx.prepare(&grammar, &limits()).expect("a grammar");
+    let unpronounceable = sphinx.prepare_grammar(&grammar, &limits()).expect("a grammar");
     assert!(unpronounceable.is_empty(), "{unpronounceable:?}");
     for command in report::COMMANDS {
         assert!(grammar.written(command).is_some(), "not in the grammar: {command}");

@@ -10,6 +10,9 @@ use crate::phrases::PhraseGrammar;
 /// Longest utterance that a recognizer takes.
 pub const MAX_UTTERANCE: Duration = Duration::from_secs(60);
 
+/// Shortest voice that a recognizer looks at. Less is a click or a breath.
+pub const SHORTEST_VOICE: Duration = Duration::from_millis(96);
+
 /// A word with its place in the utterance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecognizedWord {
@@ -51,6 +54,15 @@ pub struct Recognition {
 pub trait Recognizer: Send {
     /// Its name, such as "sphinx".
     fn name(&self) -> &'static str;
+
+    /// Takes in the sentences that are expected, before somebody speaks. Returns a line about names that cannot be recognised, if
+    /// there are any. A recognition does this by itself; doing it before saves its time.
+    ///
+    /// # Errors
+    /// [`SpeechError`].
+    fn prepare(&mut self, _phrases: &PhraseGrammar, _limits: &Limits) -> Result<Option<String>, SpeechError> {
+        Ok(None)
+    }
 
     /// Recognises an utterance of 16 kHz samples. `phrases` are the sentences that are expected; what a recognizer makes of
     /// them is its own: a grammar, a bias, or nothing.

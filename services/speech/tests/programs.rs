@@ -71,7 +71,7 @@ fn recognized(sphinx: &mut Sphinx, samples: &[f32]) -> Recognition {
 fn commands_are_understood_and_talk_is_refused() {
     let Some(mut sphinx) = installed(Sphinx::find(path().as_deref(), Path::new(MODELS))) else { return };
     let Some(flite) = installed(Flite::find(path().as_deref(), "slt")) else { return };
-    assert!(sphinx.prepare(&grammar(), &limits()).unwrap().is_empty());
+    assert!(sphinx.prepare_grammar(&grammar(), &limits()).unwrap().is_empty());
     for command in [
         "hide the sac",
         "make the vessel red",

@@ -190,3 +190,30 @@ fn a_llama_cpp_server_follows_the_schema_and_invented_units_are_refused() {
     println!("{taken} of {ASKED} answers of a random model were taken, {made_up} not");
     assert!(taken > 0, "an answer within the form that names nothing wrong is taken");
 }
+
+#[test]
+fn a_program_in_python_speaks_and_hears() {
+    let folder = tempfile::tempdir().unwrap();
+    if ["espeak-ng", "pocketsphinx_batch"].map(|name| executable(name).is_ok()) != [true; 2] {
+        let is_required = std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1");
+        assert!(!is_required, "espeak-ng or pocketsphinx is missing; run ops/setup-debian.sh");
+        println!("SKIPPED: espeak-ng or pocketsphinx is missing");
+        return;
+    }
+    let Some(program) = Program::speech("127.0.0.1:0") else { return };
+    let sound = folder.path().join("command.wav");
+    let endpoint = program.endpoint.clone();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(executable("supergaussian-speech").unwrap());
+        let output = command.args(arguments).args(["--endpoint", &endpoint]).output().unwrap();
+        (output.status.code(), [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()))
+    };
+    let sound = sound.to_str().unwrap();
+    let spoken = run(&["speak", "hide the vessel", "--out", sound, "--synthesizer", "grpc"]);
+    assert_eq!(spoken.0, Some(0), "{spoken:?}");
+    let heard = run(&["listen", sound, "--recognizer", "grpc", "--unit", "sac", "--unit", "vessel"]);
+    assert_eq!((heard.0, heard.1[0].as_str()), (Some(0), "command\t1.00\thide the vessel\n"), "{heard:?}");
+    drop(program);
+    let silent = run(&["speak", "hide it", "--out", sound, "--synthesizer", "grpc"]);
+    assert!(silent.0 == Some(2) && silent.1[1].starts_with("error: `grpc` at http://127.0.0.1:"), "{silent:?}");
+}

@@ -24,6 +24,11 @@ impl Program {
         Self::start(&repository().join("services/agents/examples/python-backend/backend.py"), address, "serving ")
     }
 
+    /// The Python recognizer and synthesizer that come with the speech service; none without Python.
+    pub(crate) fn speech(address: &str) -> Option<Self> {
+        Self::start(&repository().join("services/speech/examples/python-backend/backend.py"), address, "serving ")
+    }
+
     /// A llama.cpp server with a model that knows nothing; none without Python.
     pub(crate) fn llama(folder: &Path) -> Option<Self> {
         Self::start(&repository().join("tests/llama/server.py"), &folder.to_string_lossy(), "")

@@ -7,7 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 22] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 23] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -29,6 +29,7 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 22] = [
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),
     ("sg-viewer", &["egui", "winit", "openxr", "wgpu"]),
+    ("sg-endpoint", &["tokio", "reqwest", "tonic"]),
     ("sg-llm", &["tokio", "reqwest", "tonic"]),
 ];
 

@@ -194,7 +194,7 @@ fn process_modules(files: &[File], package: &str) -> Vec<String> {
 }
 
 /// Packages whose subject is processes or asynchronous calls.
-const ASYNCHRONOUS: [&str; 3] = ["services/runtime", "services/agents/llm", "launch/stack"];
+const ASYNCHRONOUS: [&str; 4] = ["services/runtime", "services/endpoint", "services/agents/llm", "launch/stack"];
 
 fn libraries_know_no_bus(files: &[File]) -> Vec<String> {
     let mut complaints = Vec::new();
@@ -327,7 +327,7 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 37] = [
+const MAP: [(&str, &str, &[&str]); 38] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
@@ -378,13 +378,14 @@ const MAP: [(&str, &str, &[&str]); 37] = [
     (
         "services/speech/service",
         "supergaussian-speech",
-        &["sg-input", "sg-language", "sg-layers", "sg-proto", "sg-runtime", "sg-speech", "sg-whisper"],
+        &["sg-endpoint", "sg-input", "sg-language", "sg-layers", "sg-proto", "sg-runtime", "sg-speech", "sg-whisper"],
     ),
     ("services/layers", "sg-layers", &["sg-input"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),
     ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers", "sg-speech"]),
     ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
-    ("services/agents/llm", "sg-llm", &["sg-language", "sg-proto"]),
+    ("services/endpoint", "sg-endpoint", &[]),
+    ("services/agents/llm", "sg-llm", &["sg-endpoint", "sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),
     (
         "services/agents/intent",

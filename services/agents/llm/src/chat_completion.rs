@@ -85,19 +85,6 @@ pub(crate) fn parse_answer(body: &[u8]) -> Result<Completion, LlmError> {
     })
 }
 
-/// The error in the body of an answer with another status.
-pub(crate) fn parse_error(status: u16, body: &[u8]) -> LlmError {
-    let json: Option<Value> = serde_json::from_slice(body).ok();
-    let message = json.as_ref().and_then(|b| {
-        let error = b.get("error")?;
-        error.get("message").unwrap_or(error).as_str()
-    });
-    let message = message.map_or_else(String::new, |m| format!(": {}", single_line(m)));
-    let text = format!("status {status}{message}");
-    // Timeouts, rate limits and server errors are transient.
-    if status == 408 || status == 429 || status >= 500 { LlmError::Unavailable(text) } else { LlmError::Refused(text) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,16 +131,5 @@ mod tests {
         }
         let refusal = r#"{"choices": [{"message": {"content": null, "refusal": "I will not"}}]}"#;
         assert_eq!(parse_answer(refusal.as_bytes()), Err(LlmError::Refused("I will not".into())));
-    }
-
-    #[test]
-    fn errors_are_transient_by_status() {
-        let body = br#"{"error": {"message": "no such\nmodel", "type": "x"}}"#;
-        assert_eq!(parse_error(404, body), LlmError::Refused("status 404: no such model".into()));
-        assert_eq!(parse_error(503, b"<html>"), LlmError::Unavailable("status 503".into()));
-        assert_eq!(
-            parse_error(429, br#"{"error": "slow down"}"#),
-            LlmError::Unavailable("status 429: slow down".into())
-        );
     }
 }

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use sg_endpoint::ApiKey;
 use sg_language::grammar;
 use sg_language::prompt::{InvalidAnswer, MAX_PROMPT_BYTES, Prompt};
 use sg_proto::language::AgentState;
 
-use crate::api_key::ApiKey;
 use crate::config::{Backend, ConfigError, Fallback, ModelConfig, Parameters};
 use crate::error::LlmError;
 use crate::grpc::Grpc;

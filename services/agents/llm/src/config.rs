@@ -4,10 +4,9 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use serde::Deserialize;
+use sg_endpoint::{ApiKey, ClientError, Endpoint, EndpointError, KeyError};
 use sg_language::grammar;
 use sg_language::intent_schema::SchemaError;
-
-use crate::endpoint::{Endpoint, EndpointError};
 
 /// The parameters of an agent in a launch file.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
@@ -96,42 +95,18 @@ pub enum ConfigError {
         /// Largest allowed value.
         max: f64,
     },
-    /// `key_env` is not the name of a variable. The message does not repeat it: it may be the key itself.
-    #[error(
-        "`key_env` is the name of an environment variable, for example OPENAI_API_KEY; store the key in that variable"
-    )]
-    KeyName,
-    /// The environment variable of the key is not set.
-    #[error("`key_env`: the environment variable {0} is not set; set it before `up`")]
-    MissingKey(String),
-    /// The environment variable does not hold a key.
-    #[error("`key_env`: the environment variable {0} does not hold an API key")]
-    InvalidKey(String),
+    /// The API key cannot be read.
+    #[error(transparent)]
+    Key(#[from] KeyError),
     /// The name of the model is empty, too long or has control characters.
     #[error("`model` is a name of 1 to {MAX_MODEL_BYTES} bytes without control characters")]
     ModelName,
     /// The endpoint is invalid.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),
-    /// The endpoint cannot be used by the client.
-    #[error("`endpoint`: {endpoint}: {reason}")]
-    UnusableEndpoint {
-        /// The endpoint.
-        endpoint: String,
-        /// The reason.
-        reason: String,
-    },
-    /// The gRPC client does not encrypt.
-    #[error(
-        "`endpoint`: the backend `grpc` does not support TLS; use http://127.0.0.1:PORT or unix:/PATH with a local tunnel"
-    )]
-    Encrypted,
-    /// The HTTP client does not connect to sockets.
-    #[error("`endpoint`: the backend `openai` needs an HTTP address: http://127.0.0.1:PORT/v1 or https://HOST/v1")]
-    Socket,
-    /// The HTTP client could not be created.
-    #[error("the HTTP client could not be created: {0}")]
-    HttpClient(String),
+    /// The client cannot be created.
+    #[error(transparent)]
+    Client(#[from] ClientError),
     /// The JSON schema of intents could not be built.
     #[error(transparent)]
     Schema(#[from] SchemaError),
@@ -193,11 +168,11 @@ impl Parameters {
             (None, _) => return Err(self.missing("endpoint", "\"http://127.0.0.1:50051\" or \"unix:/run/model.sock\"")),
         };
         if self.backend == Backend::OpenAi && matches!(endpoint, Endpoint::Unix(_)) {
-            return Err(ConfigError::Socket);
+            return Err(ClientError::Socket.into());
         }
         let encrypted = matches!(&endpoint, Endpoint::Url(url) if url.scheme() == "https");
         if self.backend == Backend::Grpc && encrypted {
-            return Err(ConfigError::Encrypted);
+            return Err(ClientError::Encrypted.into());
         }
         let model = match (&self.model, self.backend) {
             (Some(name), _) => name.clone(),
@@ -208,9 +183,7 @@ impl Parameters {
         if !named || model.chars().any(char::is_control) {
             return Err(ConfigError::ModelName);
         }
-        if self.key_env.as_ref().is_some_and(|name| !is_variable(name)) {
-            return Err(ConfigError::KeyName);
-        }
+        self.key_env.as_deref().map_or(Ok(()), ApiKey::check_name)?;
         let timeout = in_range("timeout_s", self.timeout_s.unwrap_or(TIMEOUT_S), 0.05, MAX_TIMEOUT_S)?;
         let temperature = self.temperature.map(|t| in_range("temperature", t, 0.0, 2.0)).transpose()?;
         let retries = self.retries.unwrap_or(RETRIES);
@@ -251,11 +224,6 @@ impl Parameters {
 
 fn in_range(parameter: &'static str, value: f64, min: f64, max: f64) -> Result<f64, ConfigError> {
     if (min..=max).contains(&value) { Ok(value) } else { Err(ConfigError::OutOfRange { parameter, value, min, max }) }
-}
-
-fn is_variable(name: &str) -> bool {
-    let starts = name.bytes().next().is_some_and(|b| b.is_ascii_uppercase() || b == b'_');
-    starts && name.len() <= 64 && name.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_')
 }
 
 impl Backend {

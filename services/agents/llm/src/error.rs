@@ -1,9 +1,9 @@
 //! Errors of language models.
 
-use std::error::Error;
 use std::time::Duration;
 
-use sg_language::prompt::{InvalidAnswer, MAX_PROMPT_BYTES, single_line};
+use sg_endpoint::CallError;
+use sg_language::prompt::{InvalidAnswer, MAX_PROMPT_BYTES};
 use sg_proto::bus::Code;
 
 /// Wait before the next request where no model answered and no fallback is allowed.
@@ -67,16 +67,13 @@ impl LlmError {
     }
 }
 
-/// An error and its causes on one line.
-pub(crate) fn error_chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        let cause_text = cause.to_string();
-        if !text.contains(&cause_text) {
-            text = format!("{text}: {cause_text}");
+impl From<CallError> for LlmError {
+    fn from(error: CallError) -> Self {
+        match error {
+            CallError::Unavailable(text) => Self::Unavailable(text),
+            CallError::Refused(text) => Self::Refused(text),
+            CallError::Timeout(after) => Self::Timeout(after),
+            CallError::Invalid(text) => InvalidAnswer::new(text).into(),
         }
-        source = cause.source();
     }
-    single_line(&text)
 }

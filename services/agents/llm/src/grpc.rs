@@ -1,61 +1,31 @@
 //! gRPC client for `supergaussian.backend.v1.BackendService`.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
-use hyper_util::rt::TokioIo;
-use reqwest::header::AUTHORIZATION;
-use sg_language::prompt::{InvalidAnswer, MAX_ANSWER_BYTES, Prompt, single_line};
+use sg_endpoint::{ApiKey, ClientError, GrpcClient};
+use sg_language::prompt::{MAX_ANSWER_BYTES, Prompt, single_line};
 use sg_proto::backend::{CompleteRequest, CompleteResponse};
-use tokio::net::UnixStream;
-use tonic::codegen::http::uri::PathAndQuery;
-use tonic::metadata::MetadataMap;
-use tonic::transport::{self, Channel, Uri};
-use tonic::{Code, Request, Status};
-use tonic_prost::ProstCodec;
-use tower::service_fn;
 
-use crate::api_key::ApiKey;
-use crate::config::{ConfigError, ModelConfig};
-use crate::endpoint::Endpoint;
-use crate::error::{LlmError, error_chain};
+use crate::config::ModelConfig;
+use crate::error::LlmError;
 use crate::model::{Completion, CompletionFuture, LanguageModel};
 
 /// Path of the method.
 const COMPLETE: &str = "/supergaussian.backend.v1.BackendService/Complete";
-/// Longest wait for a connection.
-const CONNECT: Duration = Duration::from_secs(5);
 /// Bytes of a message besides its texts.
 const FRAME_BYTES: usize = 4096;
 
 /// A model behind a gRPC endpoint.
 pub(crate) struct Grpc {
-    channel: Channel,
-    authorization: MetadataMap,
-    key: Option<ApiKey>,
+    client: GrpcClient,
     model: String,
     temperature: Option<f64>,
 }
 
 impl Grpc {
-    pub(crate) fn new(config: &ModelConfig, key: Option<ApiKey>) -> Result<Self, ConfigError> {
-        let invalid = |e: transport::Error| ConfigError::UnusableEndpoint {
-            endpoint: config.endpoint.to_string(),
-            reason: error_chain(&e),
-        };
-        let channel = match &config.endpoint {
-            Endpoint::Url(url) => {
-                let endpoint = transport::Endpoint::from_shared(url.as_str().to_owned()).map_err(invalid)?;
-                endpoint.connect_timeout(CONNECT).connect_lazy()
-            }
-            Endpoint::Unix(path) => through_socket(path.clone()),
-        };
-        let mut headers = tonic::codegen::http::HeaderMap::new();
-        if let Some(key) = &key {
-            headers.insert(AUTHORIZATION, key.header());
-        }
-        let authorization = MetadataMap::from_headers(headers);
-        Ok(Self { channel, authorization, key, model: config.model.clone(), temperature: config.temperature })
+    pub(crate) fn new(config: &ModelConfig, key: Option<ApiKey>) -> Result<Self, ClientError> {
+        let client = GrpcClient::new(&config.endpoint, key)?;
+        Ok(Self { client, model: config.model.clone(), temperature: config.temperature })
     }
 
     async fn request(&self, prompt: &Prompt, seed: Option<u64>, timeout: Duration) -> Result<Completion, LlmError> {
@@ -71,44 +41,10 @@ impl Grpc {
             temperature: self.temperature,
             max_tokens: prompt.max_tokens,
         };
-        let mut request = Request::new(message);
-        *request.metadata_mut() = self.authorization.clone();
-        request.set_timeout(timeout);
-        let mut client =
-            tonic::client::Grpc::new(self.channel.clone()).max_decoding_message_size(MAX_ANSWER_BYTES + FRAME_BYTES);
-        client.ready().await.map_err(|e| LlmError::Unavailable(error_chain(&e)))?;
-        let path = PathAndQuery::from_static(COMPLETE);
-        let codec = ProstCodec::<CompleteRequest, CompleteResponse>::default();
-        let response = client.unary(request, path, codec).await.map_err(|status| self.error(&status, timeout))?;
-        let CompleteResponse { text, model, prompt_tokens, answer_tokens } = response.into_inner();
+        let CompleteResponse { text, model, prompt_tokens, answer_tokens } =
+            self.client.call(COMPLETE, message, timeout, MAX_ANSWER_BYTES + FRAME_BYTES).await?;
         Ok(Completion { text, model: single_line(&model), prompt_tokens, answer_tokens })
     }
-
-    fn error(&self, status: &Status, timeout: Duration) -> LlmError {
-        let mut text = single_line(&format!("{:?}: {}", status.code(), status.message()));
-        if let Some(key) = &self.key {
-            text = key.redact(&text);
-        }
-        match status.code() {
-            // Overload, shutdown and internal errors are transient.
-            Code::Unavailable | Code::ResourceExhausted | Code::Aborted | Code::Internal | Code::Unknown => {
-                LlmError::Unavailable(text)
-            }
-            Code::DeadlineExceeded | Code::Cancelled => LlmError::Timeout(timeout),
-            // The client reports a message over its size limit so.
-            Code::OutOfRange => InvalidAnswer::new(text).into(),
-            _ => LlmError::Refused(text),
-        }
-    }
-}
-
-/// A channel over a unix socket. The URI is a placeholder.
-fn through_socket(path: PathBuf) -> Channel {
-    let endpoint = transport::Endpoint::from_static("http://localhost").connect_timeout(CONNECT);
-    endpoint.connect_with_connector_lazy(service_fn(move |_: Uri| {
-        let path = path.clone();
-        async move { UnixStream::connect(path).await.map(TokioIo::new) }
-    }))
 }
 
 impl LanguageModel for Grpc {

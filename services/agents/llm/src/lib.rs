@@ -35,11 +35,9 @@
 //! # }
 //! ```
 
-mod api_key;
 mod chat_completion;
 mod client;
 mod config;
-mod endpoint;
 mod error;
 mod grpc;
 mod interpreter;
@@ -48,6 +46,5 @@ mod openai;
 
 pub use client::{Answer, LlmClient};
 pub use config::{Backend, ConfigError, Fallback, ModelConfig, Parameters, UnknownBackend};
-pub use endpoint::{Endpoint, EndpointError};
 pub use error::LlmError;
 pub use interpreter::{InterpretError, Interpreter};

@@ -3,16 +3,16 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use sg_endpoint::Endpoint;
 use sg_layers::Precision;
-use sg_speech::child_process::Limits;
-use sg_speech::error::SpeechError;
-use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::{Recognition, Recognizer, Synthesizer};
+use sg_speech::recognizer::{Recognizer, Synthesizer};
 use sg_speech::sphinx::{MODELS, Sphinx};
 use sg_speech::synthesis::{Espeak, Flite};
 use sg_whisper::{RecognizerSettings, Whisper, WhisperRecognizer};
+use tokio::runtime::Handle;
 
 use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
+use crate::remote::{Grpc, OpenAi, ServerError};
 
 /// Model that is used without a parameter, in the user's cache.
 const USUAL_MODEL: &str = "models/whisper-tiny.en";
@@ -22,50 +22,6 @@ const ESPEAK_VOICE: &str = "en-us";
 const FLITE_VOICE: &str = "slt";
 /// Speed of espeak-ng.
 const WORDS_PER_MINUTE: u32 = 165;
-
-/// A recognizer that can prepare a grammar before it is needed.
-pub(crate) enum AnyRecognizer {
-    Whisper(Box<WhisperRecognizer>),
-    Sphinx(Box<Sphinx>),
-}
-
-impl AnyRecognizer {
-    pub(crate) fn name(&self) -> &'static str {
-        match self {
-            Self::Whisper(whisper) => whisper.name(),
-            Self::Sphinx(sphinx) => sphinx.name(),
-        }
-    }
-
-    /// Takes in a grammar. Returns a line about words that cannot be recognised, if there are any.
-    pub(crate) fn prepare(&mut self, grammar: &PhraseGrammar, limits: &Limits) -> Result<Option<String>, SpeechError> {
-        match self {
-            Self::Whisper(whisper) => whisper.prepare(grammar).map(|_| None),
-            Self::Sphinx(sphinx) => {
-                let unknown = sphinx.prepare(grammar, limits)?;
-                let line = || {
-                    format!(
-                        "names with these words cannot be recognised, since no rule says how they sound: {}",
-                        unknown.join(", ")
-                    )
-                };
-                Ok((!unknown.is_empty()).then(line))
-            }
-        }
-    }
-
-    pub(crate) fn recognize(
-        &mut self,
-        samples: &[f32],
-        grammar: &PhraseGrammar,
-        limits: &Limits,
-    ) -> Result<Recognition, SpeechError> {
-        match self {
-            Self::Whisper(whisper) => whisper.recognize(samples, grammar, limits),
-            Self::Sphinx(sphinx) => sphinx.recognize(samples, grammar, limits),
-        }
-    }
-}
 
 /// The folder of the usual model, if it is there.
 fn usual_model() -> Option<PathBuf> {
@@ -77,27 +33,51 @@ fn search_path() -> Option<OsString> {
     std::env::var_os("PATH")
 }
 
-fn whisper(folder: &Path) -> Result<AnyRecognizer, String> {
+fn whisper(folder: &Path, language: &str) -> Result<Box<dyn Recognizer>, String> {
     let model = Whisper::open(folder, Precision::F32).map_err(|e| e.to_string())?;
-    Ok(AnyRecognizer::Whisper(Box::new(WhisperRecognizer::new(model, RecognizerSettings::default()))))
+    let language = (!language.is_empty()).then(|| language.to_owned());
+    model.check_language(language.as_deref()).map_err(|e| e.to_string())?;
+    let settings = RecognizerSettings { language, ..RecognizerSettings::default() };
+    Ok(Box::new(WhisperRecognizer::new(model, settings)))
 }
 
-fn sphinx() -> Result<AnyRecognizer, String> {
+fn sphinx() -> Result<Box<dyn Recognizer>, String> {
     let sphinx = Sphinx::find(search_path().as_deref(), Path::new(MODELS)).map_err(|e| e.to_string())?;
-    Ok(AnyRecognizer::Sphinx(Box::new(sphinx)))
+    Ok(Box::new(sphinx))
 }
 
 /// A backend, and a line about what is missing for one or for a better one.
 pub(crate) struct Chosen<T> {
     pub(crate) backend: Option<T>,
     pub(crate) notice: Option<String>,
+    /// Where it is, if it is another program behind an endpoint.
+    pub(crate) endpoint: Option<Endpoint>,
 }
 
 impl<T> Chosen<T> {
-    const NONE: Self = Self { backend: None, notice: None };
+    const NONE: Self = Self { backend: None, notice: None, endpoint: None };
 
     fn found(backend: T) -> Self {
-        Self { backend: Some(backend), notice: None }
+        Self { backend: Some(backend), ..Self::NONE }
+    }
+
+    fn missing(notice: String) -> Self {
+        Self { notice: Some(notice), ..Self::NONE }
+    }
+
+    fn remote(endpoint: Endpoint, backend: T) -> Self {
+        Self { backend: Some(backend), endpoint: Some(endpoint), ..Self::NONE }
+    }
+
+    /// Whether data go to another machine.
+    pub(crate) fn leaves_this_machine(&self) -> bool {
+        self.endpoint.as_ref().is_some_and(|endpoint| !endpoint.is_local())
+    }
+
+    /// The backend for people: a name, and where it is if it is no part of this process.
+    pub(crate) fn shown(&self, name: impl Fn(&T) -> &'static str) -> String {
+        let name = self.backend.as_ref().map_or("", name);
+        self.endpoint.as_ref().map_or_else(|| name.to_owned(), |endpoint| format!("{name} at {endpoint}"))
     }
 }
 
@@ -105,11 +85,23 @@ impl<T> Chosen<T> {
 ///
 /// # Errors
 /// One line: a recognizer that was chosen by name is not there.
-pub(crate) fn recognizer(params: &BackendParams) -> Result<Chosen<AnyRecognizer>, String> {
+pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Chosen<Box<dyn Recognizer>>, String> {
     let model = params.model.clone().or_else(usual_model);
+    let server = &params.recognizer_server;
+    let fault = |error: ServerError| format!("`recognizer_server`: {error}");
     match (params.recognizer, model) {
         (RecognizerChoice::None, _) => Ok(Chosen::NONE),
-        (RecognizerChoice::Whisper | RecognizerChoice::Auto, Some(folder)) => Ok(Chosen::found(whisper(&folder)?)),
+        (RecognizerChoice::Openai, _) => {
+            let backend = OpenAi::recognizer(server, &params.language, runtime).map_err(fault)?;
+            Ok(Chosen::remote(backend.endpoint(), Box::new(backend)))
+        }
+        (RecognizerChoice::Grpc, _) => {
+            let backend = Grpc::recognizer(server, &params.language, runtime).map_err(fault)?;
+            Ok(Chosen::remote(backend.endpoint(), Box::new(backend)))
+        }
+        (RecognizerChoice::Whisper | RecognizerChoice::Auto, Some(folder)) => {
+            Ok(Chosen::found(whisper(&folder, &params.language)?))
+        }
         (RecognizerChoice::Whisper, None) => {
             Err("no Whisper model; name its folder by `model`, or run ops/models.sh".to_owned())
         }
@@ -117,13 +109,11 @@ pub(crate) fn recognizer(params: &BackendParams) -> Result<Chosen<AnyRecognizer>
         (RecognizerChoice::Auto, None) => Ok(match sphinx() {
             Ok(sphinx) => {
                 let better = "pocketsphinx hears; a Whisper model hears better, name its folder by `model`";
-                Chosen { backend: Some(sphinx), notice: Some(better.to_owned()) }
+                Chosen { notice: Some(better.to_owned()), ..Chosen::found(sphinx) }
             }
-            Err(missing) => {
-                let nothing =
-                    format!("nothing recognises speech: {missing}, or name the folder of a Whisper model by `model`");
-                Chosen { backend: None, notice: Some(nothing) }
-            }
+            Err(missing) => Chosen::missing(format!(
+                "nothing recognises speech: {missing}, or name the folder of a Whisper model by `model`"
+            )),
         }),
     }
 }
@@ -132,21 +122,29 @@ pub(crate) fn recognizer(params: &BackendParams) -> Result<Chosen<AnyRecognizer>
 ///
 /// # Errors
 /// One line: a synthesizer that was chosen by name is not there, or has no such voice.
-pub(crate) fn synthesizer(params: &BackendParams) -> Result<Chosen<Box<dyn Synthesizer>>, String> {
+pub(crate) fn synthesizer(params: &BackendParams, runtime: &Handle) -> Result<Chosen<Box<dyn Synthesizer>>, String> {
     let path = search_path();
     let voice = |usual: &'static str| if params.voice.is_empty() { usual.to_owned() } else { params.voice.clone() };
     let espeak = || Espeak::find(path.as_deref(), &voice(ESPEAK_VOICE), WORDS_PER_MINUTE).map_err(|e| e.to_string());
     let flite = || Flite::find(path.as_deref(), &voice(FLITE_VOICE)).map_err(|e| e.to_string());
+    let fault = |error: ServerError| format!("`synthesizer_server`: {error}");
+    let server = &params.synthesizer_server;
     Ok(match params.synthesizer {
+        SynthesizerChoice::Openai => {
+            let backend = OpenAi::synthesizer(server, &params.voice, runtime).map_err(fault)?;
+            Chosen::remote(backend.endpoint(), Box::new(backend))
+        }
+        SynthesizerChoice::Grpc => {
+            let backend = Grpc::synthesizer(server, &params.voice, runtime).map_err(fault)?;
+            Chosen::remote(backend.endpoint(), Box::new(backend))
+        }
         SynthesizerChoice::None => Chosen::NONE,
         SynthesizerChoice::Espeak => Chosen::found(Box::new(espeak()?)),
         SynthesizerChoice::Flite => Chosen::found(Box::new(flite()?)),
         SynthesizerChoice::Auto => match (espeak(), flite()) {
             (Ok(espeak), _) => Chosen::found(Box::new(espeak)),
             (Err(_), Ok(flite)) => Chosen::found(Box::new(flite)),
-            (Err(missing), Err(_)) => {
-                Chosen { backend: None, notice: Some(format!("replies are not spoken: {missing}")) }
-            }
+            (Err(missing), Err(_)) => Chosen::missing(format!("replies are not spoken: {missing}")),
         },
     })
 }

@@ -17,11 +17,13 @@ use sg_speech::recognizer::Recognition;
 use sg_speech::sentences::sentences;
 use sg_speech::speaker::speak;
 use sg_speech::vad::GatedDetector;
+use tokio::runtime::Runtime;
 
 use crate::backends::{self, Chosen};
 use crate::commands;
 use crate::devices;
 use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
+use crate::remote::ServerParams;
 
 /// Longest work of one command.
 const LONGEST: Duration = Duration::from_secs(600);
@@ -61,9 +63,14 @@ pub(crate) struct Listen {
     /// Recognizer
     #[arg(long, value_enum, default_value = "auto")]
     recognizer: RecognizerChoice,
+    #[command(flatten)]
+    server: ServerArgs,
     /// Folder of a Whisper model, in the layout of Hugging Face or CTranslate2
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
+    /// Code of the spoken language, such as `en`; without one, a model of many languages finds it out
+    #[arg(long, default_value = "")]
+    language: String,
     /// Print each utterance as JSON, with the times of its begin and of its recognition
     #[arg(long)]
     json: bool,
@@ -79,9 +86,49 @@ pub(crate) struct Speak {
     /// Synthesizer
     #[arg(long, value_enum, default_value = "auto")]
     synthesizer: SynthesizerChoice,
+    #[command(flatten)]
+    server: ServerArgs,
     /// Voice, as the synthesizer names it, such as `en-us` or `slt`
     #[arg(long, default_value = "")]
     voice: String,
+}
+
+/// A server of the backends `openai` and `grpc`.
+#[derive(Debug, Args)]
+struct ServerArgs {
+    /// Address of the server of `openai` or `grpc`, such as `http://127.0.0.1:8000/v1`
+    #[arg(long, value_name = "ADDRESS", default_value = "")]
+    endpoint: String,
+    /// Model of that server, such as `whisper-1`
+    #[arg(long, value_name = "NAME", default_value = "")]
+    server_model: String,
+    /// Name of the environment variable with the key of that server
+    #[arg(long, value_name = "VARIABLE")]
+    key_env: Option<String>,
+    /// Let data go to another machine unencrypted
+    #[arg(long)]
+    insecure: bool,
+}
+
+impl ServerArgs {
+    fn params(&self) -> ServerParams {
+        ServerParams {
+            endpoint: self.endpoint.clone(),
+            model: self.server_model.clone(),
+            key_env: self.key_env.clone(),
+            insecure: self.insecure,
+            timeout: None,
+        }
+    }
+}
+
+/// The runtime of requests to servers.
+fn runtime() -> Result<Runtime, String> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()
+        .map_err(|e| format!("no runtime for requests: {e}"))
 }
 
 /// Runs a subcommand. Exit status: 0 for success, 1 for no command, 2 for wrong input.
@@ -101,9 +148,15 @@ pub(crate) fn run(command: &Command) -> ExitCode {
 }
 
 fn listen(arguments: &Listen) -> Result<ExitCode, String> {
-    let params =
-        BackendParams { recognizer: arguments.recognizer, model: arguments.model.clone(), ..BackendParams::default() };
-    let Chosen { backend: recognizer, notice } = backends::recognizer(&params)?;
+    let params = BackendParams {
+        recognizer: arguments.recognizer,
+        recognizer_server: arguments.server.params(),
+        model: arguments.model.clone(),
+        language: arguments.language.clone(),
+        ..BackendParams::default()
+    };
+    let runtime = runtime()?;
+    let Chosen { backend: recognizer, notice, .. } = backends::recognizer(&params, runtime.handle())?;
     let Some(mut recognizer) = recognizer else {
         return Err(notice.unwrap_or_else(|| "no recognizer; choose one by --recognizer".to_owned()));
     };
@@ -170,10 +223,12 @@ fn line_of(file: &Path, start: u64, heard: &Recognition, arguments: &Listen) -> 
 fn say(arguments: &Speak) -> Result<(), String> {
     let params = BackendParams {
         synthesizer: arguments.synthesizer,
+        synthesizer_server: arguments.server.params(),
         voice: arguments.voice.clone(),
         ..BackendParams::default()
     };
-    let Chosen { backend: synthesizer, notice } = backends::synthesizer(&params)?;
+    let runtime = runtime()?;
+    let Chosen { backend: synthesizer, notice, .. } = backends::synthesizer(&params, runtime.handle())?;
     let synthesizer = synthesizer
         .ok_or_else(|| notice.unwrap_or_else(|| "no synthesizer; choose one by --synthesizer".to_owned()))?;
     let all = sentences(&arguments.text);

@@ -12,6 +12,9 @@ use sg_speech::spoken;
 /// Confidence from which free text may be a command.
 const WELL_HEARD: f32 = 0.6;
 
+/// Least log-likelihood of another text beside the best one that may be a command.
+const LIKELY: f32 = -4.0;
+
 /// What people say for yes and no.
 const YES: [&str; 5] = ["yes", "yes please", "yes do it", "confirm", "go ahead"];
 const NO: [&str; 5] = ["no", "no thanks", "no don't", "cancel", "never mind"];
@@ -38,12 +41,18 @@ pub(crate) fn understood(text: &str, state: &State) -> Option<Intent> {
     (!intent.clauses.is_empty() && intent.not_understood.is_empty()).then_some(intent)
 }
 
-/// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well; with
-/// `any_text`, all text is accepted.
+/// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well. So is
+/// another text that is nearly as likely: the sense decides between them. With `any_text`, all text is accepted.
 pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool) -> Recognition {
-    let is_command = || heard.confidence >= WELL_HEARD && understood(&heard.text, state).is_some();
-    let accepted = heard.accepted || !heard.text.is_empty() && (any_text || is_command());
-    Recognition { accepted, ..heard }
+    if heard.accepted || heard.text.is_empty() || any_text {
+        return Recognition { accepted: !heard.text.is_empty(), ..heard };
+    }
+    let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| &other.text);
+    let mut texts = std::iter::once(&heard.text).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
+    match texts.find(|text| understood(text, state).is_some()).cloned() {
+        Some(text) => Recognition { accepted: true, text, ..heard },
+        None => heard,
+    }
 }
 
 /// A question about a command that takes something away.

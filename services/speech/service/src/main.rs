@@ -9,6 +9,7 @@ mod loudspeaker;
 mod microphone;
 mod params;
 mod recognition_thread;
+mod remote;
 #[cfg(feature = "devices")]
 mod sound_devices;
 

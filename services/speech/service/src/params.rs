@@ -6,6 +6,8 @@ use std::time::Duration;
 use serde::Deserialize;
 use sg_speech::endpoint::{BargeIn, EndpointSettings, Trigger};
 
+use crate::remote::ServerParams;
+
 /// What opens the microphone.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -28,6 +30,10 @@ pub(crate) enum RecognizerChoice {
     Whisper,
     /// pocketsphinx with a grammar
     Sphinx,
+    /// A server with OpenAI's `audio/transcriptions`
+    Openai,
+    /// A program that serves `supergaussian.backend.v1.SpeechBackendService`
+    Grpc,
     /// None
     None,
 }
@@ -43,17 +49,23 @@ pub(crate) enum SynthesizerChoice {
     Espeak,
     /// flite
     Flite,
+    /// A server with OpenAI's `audio/speech`
+    Openai,
+    /// A program that serves `supergaussian.backend.v1.SpeechBackendService`
+    Grpc,
     /// None
     None,
 }
 
 /// Which recognizer and synthesizer, for the process and for its offline commands.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct BackendParams {
     pub(crate) recognizer: RecognizerChoice,
+    pub(crate) recognizer_server: ServerParams,
     pub(crate) model: Option<PathBuf>,
+    pub(crate) language: String,
     pub(crate) synthesizer: SynthesizerChoice,
+    pub(crate) synthesizer_server: ServerParams,
     pub(crate) voice: String,
 }
 
@@ -79,12 +91,18 @@ pub(crate) struct Params {
     pub(crate) free_text: bool,
     /// Silence that ends an utterance, seconds.
     pub(crate) silence: f64,
-    /// Recognizer: `auto`, `whisper`, `sphinx`, `none`.
+    /// Recognizer: `auto`, `whisper`, `sphinx`, `openai`, `grpc`, `none`.
     pub(crate) recognizer: RecognizerChoice,
+    /// Server of the recognizers `openai` and `grpc`.
+    pub(crate) recognizer_server: ServerParams,
     /// Folder of a Whisper model.
     pub(crate) model: Option<PathBuf>,
-    /// Synthesizer: `auto`, `espeak`, `flite`, `none`.
+    /// Code of the spoken language, such as `en`; empty: a model of many languages finds it out.
+    pub(crate) language: String,
+    /// Synthesizer: `auto`, `espeak`, `flite`, `openai`, `grpc`, `none`.
     pub(crate) synthesizer: SynthesizerChoice,
+    /// Server of the synthesizers `openai` and `grpc`.
+    pub(crate) synthesizer_server: ServerParams,
     /// Voice of the synthesizer; empty for its default.
     pub(crate) voice: String,
 }
@@ -102,8 +120,11 @@ impl Default for Params {
             free_text: false,
             silence: 0.5,
             recognizer: RecognizerChoice::default(),
+            recognizer_server: ServerParams::default(),
             model: None,
+            language: String::new(),
             synthesizer: SynthesizerChoice::default(),
+            synthesizer_server: ServerParams::default(),
             voice: String::new(),
         }
     }
@@ -114,8 +135,11 @@ impl Params {
     pub(crate) fn backends(&self) -> BackendParams {
         BackendParams {
             recognizer: if self.input.is_empty() { RecognizerChoice::None } else { self.recognizer },
+            recognizer_server: self.recognizer_server.clone(),
             model: self.model.clone(),
+            language: self.language.clone(),
             synthesizer: self.synthesizer,
+            synthesizer_server: self.synthesizer_server.clone(),
             voice: self.voice.clone(),
         }
     }

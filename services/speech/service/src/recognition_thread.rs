@@ -7,9 +7,7 @@ use std::time::Duration;
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::Recognition;
-
-use crate::backends::AnyRecognizer;
+use sg_speech::recognizer::{Recognition, Recognizer};
 
 /// Most jobs that wait. Jobs that were cancelled end at once.
 const QUEUE: usize = 8;
@@ -44,7 +42,7 @@ impl RecognitionThread {
     /// # Errors
     /// One line: no thread starts.
     pub(crate) fn start(
-        mut recognizer: AnyRecognizer,
+        mut recognizer: Box<dyn Recognizer>,
         report: impl Fn(Report) + Send + 'static,
     ) -> Result<Self, String> {
         let (jobs, waiting) = mpsc::sync_channel(QUEUE);

@@ -63,7 +63,9 @@ impl PcmLayout {
         self.encoding.bytes() * usize::from(self.channels)
     }
 
-    pub(crate) fn encode(self, samples: &[f32]) -> Vec<u8> {
+    /// Samples as bytes of this layout; each channel gets all of them.
+    #[must_use]
+    pub fn encode(self, samples: &[f32]) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(samples.len() * self.frame_bytes());
         for sample in samples {
             for _ in 0..self.channels {

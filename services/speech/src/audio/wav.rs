@@ -63,6 +63,35 @@ pub fn decode_wav(bytes: impl Read, longest: Duration) -> Result<Recording, Stri
     Ok(Recording { rate: spec.sample_rate, samples: samples.map_err(|error| problem(&error))? })
 }
 
+/// Decodes a WAV stream whose writer did not know its length: its header claims more than there is, such as 0xFFFFFFFF bytes.
+///
+/// # Errors
+/// As [`read_wav`].
+pub fn decode_streamed_wav(mut bytes: Vec<u8>, longest: Duration) -> Result<Recording, String> {
+    set_length(&mut bytes);
+    decode_wav(Cursor::new(bytes), longest)
+}
+
+/// Writes the true length of the sound into its chunk, where the chunk claims more. RIFF is a header of 12 bytes and chunks, each
+/// with a name and a length of 4 bytes and a content of an even length.
+fn set_length(bytes: &mut [u8]) {
+    let (mut at, mut frame) = (12_usize, 1);
+    while let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
+        let claimed = u32::from_le_bytes([e, f, g, h]) as usize;
+        let there = bytes.len() - at - 8;
+        match &[a, b, c, d] {
+            b"fmt " => frame = bytes.get(at + 20).copied().map_or(1, usize::from).max(1),
+            b"data" if claimed > there => {
+                let whole = u32::try_from(there / frame * frame).unwrap_or(u32::MAX);
+                bytes[at + 4..at + 8].copy_from_slice(&whole.to_le_bytes());
+                return;
+            }
+            _ => {}
+        }
+        at = at.saturating_add(8 + claimed + claimed % 2);
+    }
+}
+
 fn problem(error: &hound::Error) -> String {
     match error {
         // The bytes are in memory, so a failed read is their end.
@@ -117,6 +146,18 @@ impl<W: Write + Seek> WavStream<W> {
     }
 }
 
+/// A mono WAV file of 16-bit integers in memory.
+///
+/// # Errors
+/// One line: a rate out of bounds.
+pub fn encode_wav(recording: &Recording) -> Result<Vec<u8>, String> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut stream = WavStream::new(&mut bytes, recording.rate)?;
+    stream.write(&recording.samples)?;
+    stream.finish()?;
+    Ok(bytes.into_inner())
+}
+
 /// Writes a mono WAV file of 16-bit integers, whole or not at all: beside its path, then renamed.
 ///
 /// # Errors
@@ -148,14 +189,6 @@ mod tests {
 
     const LONG: Duration = MAX_DURATION;
 
-    fn bytes(recording: &Recording) -> Vec<u8> {
-        let mut to = Cursor::new(Vec::new());
-        let mut stream = WavStream::new(&mut to, recording.rate).unwrap();
-        stream.write(&recording.samples).unwrap();
-        stream.finish().unwrap();
-        to.into_inner()
-    }
-
     proptest! {
         #[test]
         fn a_file_gives_its_samples_back(
@@ -177,12 +210,15 @@ mod tests {
 
         #[test]
         fn any_bytes_give_sound_or_one_line(mut noise in proptest::collection::vec(any::<u8>(), 0..300), at in 0_usize..60) {
-            let mut damaged = bytes(&Recording { rate: 16_000, samples: vec![0.5; 100] });
+            let mut damaged = encode_wav(&Recording { rate: 16_000, samples: vec![0.5; 100] }).unwrap();
             let at = at.min(damaged.len());
             damaged.splice(at..(at + noise.len()).min(damaged.len()), noise.drain(..));
-            match decode_wav(Cursor::new(damaged), Duration::from_secs(60)) {
-                Ok(sound) => prop_assert!(sound.samples.iter().all(|s| s.abs() <= 1.0)),
-                Err(line) => prop_assert!(!line.contains('\n') && !line.is_empty()),
+            let plain = decode_wav(Cursor::new(damaged.clone()), Duration::from_secs(60));
+            for sound in [plain, decode_streamed_wav(damaged, Duration::from_secs(60))] {
+                match sound {
+                    Ok(sound) => prop_assert!(sound.samples.iter().all(|s| s.abs() <= 1.0)),
+                    Err(line) => prop_assert!(!line.contains('\n') && !line.is_empty()),
+                }
             }
         }
     }
@@ -201,8 +237,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stream_whose_length_is_not_known_is_read_to_its_end() {
+        let sound = Recording { rate: 24_000, samples: vec![0.25; 1_000] };
+        let mut stream = encode_wav(&sound).unwrap();
+        let whole = decode_streamed_wav(stream.clone(), LONG).unwrap();
+        assert_eq!(whole.samples.len(), 1_000);
+        for at in [4, 40] {
+            stream[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        }
+        assert!(decode_wav(Cursor::new(stream.clone()), LONG).is_err());
+        assert_eq!(decode_streamed_wav(stream.clone(), LONG).unwrap(), whole);
+        stream.pop();
+        assert_eq!(decode_streamed_wav(stream, LONG).unwrap().samples.len(), 999);
+    }
+
+    #[test]
     fn bad_files_are_refused_in_one_line() {
-        let good = bytes(&Recording { rate: 16_000, samples: vec![0.1; 32_000] });
+        let good = encode_wav(&Recording { rate: 16_000, samples: vec![0.1; 32_000] }).unwrap();
         let truncated = decode_wav(Cursor::new(&good[..5_000]), LONG).unwrap_err();
         assert!(truncated.contains("truncated"), "{truncated}");
         let long = decode_wav(Cursor::new(&good[..]), Duration::from_secs(1)).unwrap_err();

@@ -22,7 +22,7 @@ use crate::audio::{SPEECH_RATE, duration_of};
 use crate::child_process::{Limits, Program};
 use crate::error::SpeechError;
 use crate::phrases::PhraseGrammar;
-use crate::recognizer::{MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer};
+use crate::recognizer::{MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer, SHORTEST_VOICE};
 use crate::vad::voiced;
 
 /// Where Debian's packages put the models.
@@ -30,9 +30,6 @@ pub const MODELS: &str = "/usr/share/pocketsphinx/model/en-us";
 
 /// Most bytes of a result.
 const MAX_RESULT: u64 = 1 << 20;
-
-/// Shortest voice that is decoded.
-const SHORTEST: Duration = Duration::from_millis(96);
 
 /// Confidence from which a result is accepted, unless set otherwise.
 pub const ACCEPTED_FROM: f32 = 0.6;
@@ -91,7 +88,7 @@ impl Sphinx {
     ///
     /// # Errors
     /// [`SpeechError`]: no room for the files, or letter-to-sound fails.
-    pub fn prepare(&mut self, phrases: &PhraseGrammar, limits: &Limits) -> Result<&[String], SpeechError> {
+    pub fn prepare_grammar(&mut self, phrases: &PhraseGrammar, limits: &Limits) -> Result<&[String], SpeechError> {
         if self.prepared.as_ref().is_none_or(|prepared| prepared.phrases != *phrases) {
             self.prepared = Some(self.prepare_anew(phrases, limits)?);
         }
@@ -153,10 +150,10 @@ impl Sphinx {
                 MAX_UTTERANCE.as_secs()
             )));
         }
-        self.prepare(phrases, limits)?;
+        self.prepare_grammar(phrases, limits)?;
         let Some(prepared) = &self.prepared else { return Err(SpeechError::Cancelled) };
         // A grammar finds a sentence in silence too, and free phones explain silence no better.
-        if prepared.is_empty || voiced(samples) < SHORTEST {
+        if prepared.is_empty || voiced(samples) < SHORTEST_VOICE {
             return Ok(SphinxResult { recognition: Recognition::default(), features: None });
         }
         let folder = prepared.folder.path();
@@ -228,6 +225,15 @@ impl Sphinx {
 impl Recognizer for Sphinx {
     fn name(&self) -> &'static str {
         "sphinx"
+    }
+
+    fn prepare(&mut self, phrases: &PhraseGrammar, limits: &Limits) -> Result<Option<String>, SpeechError> {
+        let unknown = self.prepare_grammar(phrases, limits)?;
+        let line = || {
+            let unknown = unknown.join(", ");
+            format!("names with these words cannot be recognised, since no rule says how they sound: {unknown}")
+        };
+        Ok((!unknown.is_empty()).then(line))
     }
 
     fn recognize(

@@ -31,6 +31,17 @@ pub struct Transcript {
     pub language: Option<String>,
     /// Whether the text ended by itself, within the most tokens.
     pub complete: bool,
+    /// Other texts that a search with beams has followed to their ends, likeliest first.
+    pub others: Vec<OtherText>,
+}
+
+/// A text that is less likely than the transcript.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OtherText {
+    /// The text.
+    pub text: String,
+    /// Natural logarithm of its probability, its end included.
+    pub log_probability: f32,
 }
 
 /// A part of a transcript.
@@ -143,16 +154,21 @@ impl Whisper {
             live = kept;
             live.iter_mut().enumerate().for_each(|(at, of)| of.node = first + at);
         }
-        let best = ended.into_iter().max_by(|a, b| a.average().total_cmp(&b.average()));
-        let best = best.unwrap_or(Hypothesis {
+        ended.sort_by(|a, b| b.average().total_cmp(&a.average()));
+        let mut ended = ended.into_iter();
+        let best = ended.next().unwrap_or(Hypothesis {
             node: start.node,
             tokens: Vec::new(),
             sums: Vec::new(),
             sum: 0.0,
             ended: false,
         });
+        let text = |of: &Hypothesis| Ok::<_, WhisperError>(self.vocabulary.text(&of.tokens)?.trim().to_owned());
+        let others = ended.filter(|other| other.ended);
+        let others = others.map(|other| Ok(OtherText { text: text(&other)?, log_probability: other.sum }));
         Ok(Transcript {
-            text: self.vocabulary.text(&best.tokens)?.trim().to_owned(),
+            text: text(&best)?,
+            others: others.collect::<Result<_, WhisperError>>()?,
             segments: if options.timestamps { self.segments(&best.tokens)? } else { Vec::new() },
             log_probability: best.sum,
             average_log_probability: best.average(),

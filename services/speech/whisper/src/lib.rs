@@ -32,7 +32,7 @@ mod hostile_tests;
 mod parity_tests;
 
 pub use error::WhisperError;
-pub use free_decoding::{Segment, Transcript};
+pub use free_decoding::{OtherText, Segment, Transcript};
 pub use model::{AudioContext, Hearing, Whisper};
 pub use options::{MAX_BEAMS, MAX_TOKENS, Options};
 pub use phrase_scoring::{PhraseScore, PhraseSearch, TOKEN_BONUS};

@@ -1,11 +1,11 @@
 //! Whisper as one of the recognizers of `sg-speech`.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::{self, Alternative, Recognizer};
+use sg_speech::recognizer::{self, Alternative, Recognizer, SHORTEST_VOICE};
 use sg_speech::vad::voiced;
 
 use crate::error::WhisperError;
@@ -17,9 +17,6 @@ use crate::recognition::{Acceptance, Source};
 
 /// Name of this recognizer.
 const NAME: &str = "whisper";
-
-/// Shortest voice that is decoded.
-const SHORTEST: Duration = Duration::from_millis(96);
 
 /// Most sentences that the decoder knows. More would take longer to tell apart than a person waits.
 const MAX_KNOWN: usize = 8_000;
@@ -38,6 +35,9 @@ pub struct RecognizerSettings {
     pub language: Option<String>,
     /// Slot of the grammar whose values stand in the prompt, so that free text spells them well.
     pub prompt_slot: String,
+    /// Texts that are followed where nobody expects them, from 1 to [`MAX_BEAMS`](crate::options::MAX_BEAMS). Those beside the best
+    /// one are alternatives.
+    pub beams: usize,
 }
 
 impl Default for RecognizerSettings {
@@ -48,6 +48,7 @@ impl Default for RecognizerSettings {
             acceptance: Acceptance::default(),
             language: None,
             prompt_slot: "unit".to_owned(),
+            beams: 4,
         }
     }
 }
@@ -72,7 +73,7 @@ impl WhisperRecognizer {
     ///
     /// # Errors
     /// [`SpeechError::Limit`]: a sentence that is too long for the model.
-    pub fn prepare(&mut self, grammar: &PhraseGrammar) -> Result<usize, SpeechError> {
+    pub fn prepare_sentences(&mut self, grammar: &PhraseGrammar) -> Result<usize, SpeechError> {
         if self.prepared.as_ref().is_none_or(|(known, _)| known != grammar) {
             let sentences: Vec<String> =
                 grammar.balanced_sentences(MAX_KNOWN).into_iter().map(|sentence| sentence.written).collect();
@@ -87,13 +88,18 @@ impl WhisperRecognizer {
     fn options(&self, grammar: &PhraseGrammar) -> Options {
         let names: Vec<&str> = grammar.slot(&self.settings.prompt_slot).take(MAX_PROMPT_NAMES).collect();
         let prompt = (!names.is_empty()).then(|| format!("{}.", names.join(", ")));
-        Options { prompt, language: self.settings.language.clone(), ..Options::default() }
+        Options { prompt, language: self.settings.language.clone(), beams: self.settings.beams, ..Options::default() }
     }
 }
 
 impl Recognizer for WhisperRecognizer {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn prepare(&mut self, grammar: &PhraseGrammar, _: &Limits) -> Result<Option<String>, SpeechError> {
+        self.prepare_sentences(grammar)?;
+        Ok(None)
     }
 
     fn recognize(
@@ -103,10 +109,10 @@ impl Recognizer for WhisperRecognizer {
         limits: &Limits,
     ) -> Result<recognizer::Recognition, SpeechError> {
         let began = Instant::now();
-        if voiced(samples) < SHORTEST {
+        if voiced(samples) < SHORTEST_VOICE {
             return Ok(recognizer::Recognition::default());
         }
-        self.prepare(grammar)?;
+        self.prepare_sentences(grammar)?;
         let options = self.options(grammar);
         let hearing = self.model.listen(samples, self.settings.context, &limits.cancel).map_err(fault)?;
         let phrases = self.prepared.as_ref().and_then(|(_, phrases)| phrases.as_ref());
@@ -125,10 +131,15 @@ impl Recognizer for WhisperRecognizer {
             .recognize(&hearing, phrases, PhraseSearch::default(), acceptance, &options, &limits.cancel)
             .map_err(fault)?;
         let accepted = found.source != Source::Free;
-        let other = found.best.filter(|_| !accepted);
-        let alternatives = other.and_then(|best| {
+        let expected = found.best.filter(|_| !accepted).and_then(|best| {
             Some(Alternative { text: phrases.sentences().get(best.sentence)?.clone(), score: best.ratio.min(0.0) })
         });
+        let free = found.free.others.iter().map(|other| Alternative {
+            text: unrepeated(&other.text),
+            score: (other.log_probability - found.free.log_probability).min(0.0),
+        });
+        let mut alternatives: Vec<Alternative> = free.chain(expected).collect();
+        alternatives.sort_by(|a, b| b.score.total_cmp(&a.score));
         let mean = match (found.best, found.source) {
             (Some(best), Source::Command(at)) => {
                 best.log_probability / phrases.lengths.get(at).copied().unwrap_or(1).max(1) as f32
@@ -140,7 +151,7 @@ impl Recognizer for WhisperRecognizer {
             // The geometric mean of the tokens' probabilities.
             confidence: mean.exp().clamp(0.0, 1.0),
             accepted,
-            alternatives: alternatives.into_iter().collect(),
+            alternatives,
             words: Vec::new(),
             elapsed: began.elapsed(),
         })

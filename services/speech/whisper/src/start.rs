@@ -62,23 +62,36 @@ impl Whisper {
         })
     }
 
+    /// Checks the code of a language.
+    ///
+    /// # Errors
+    /// [`WhisperError::Option`]: the model does not know it. The message lists some that it knows.
+    pub fn check_language(&self, code: Option<&str>) -> Result<(), WhisperError> {
+        code.map_or(Ok(()), |code| self.known_language(code).map(|_| ()))
+    }
+
+    /// A language by its code; none for English in a model of English.
+    fn known_language(&self, code: &str) -> Result<Option<(String, u32)>, WhisperError> {
+        let languages = self.vocabulary.languages();
+        if languages.is_empty() {
+            let other = || {
+                WhisperError::option("language", format!("`{code}`, but the model knows `en` alone; take another one"))
+            };
+            return if code == "en" { Ok(None) } else { Err(other()) };
+        }
+        let found = languages.iter().find(|(own, _)| own == code).cloned();
+        let unknown = || {
+            let known: Vec<&str> = languages.iter().map(|(own, _)| own.as_str()).take(12).collect();
+            WhisperError::option("language", format!("`{code}`; the model knows {} and so on", known.join(", ")))
+        };
+        found.map(Some).ok_or_else(unknown)
+    }
+
     /// The wanted language, or the likeliest one; none for a model of English.
     fn language(&self, hearing: &Hearing, options: &Options) -> Result<Option<(String, u32)>, WhisperError> {
         let languages = self.vocabulary.languages();
         match options.language.as_deref() {
-            Some("en") if languages.is_empty() => Ok(None),
-            Some(code) if languages.is_empty() => Err(WhisperError::option(
-                "language",
-                format!("`{code}`, but the model knows `en` alone; take another one"),
-            )),
-            Some(code) => {
-                let found = languages.iter().find(|(own, _)| own == code).cloned();
-                found.map(Some).ok_or_else(|| {
-                    let known: Vec<&str> = languages.iter().map(|(own, _)| own.as_str()).take(12).collect();
-                    let known = known.join(", ");
-                    WhisperError::option("language", format!("`{code}`; the model knows {known} and so on"))
-                })
-            }
+            Some(code) => self.known_language(code),
             None if languages.is_empty() => Ok(None),
             None => {
                 let mut tree = self.decoder.tree();

@@ -29,9 +29,10 @@ use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_speech::conversation::{Conversation, Deadlines, Event, State};
 use sg_speech::speaker::Spoken;
+use tokio::runtime::Handle;
 use tokio::task::JoinHandle;
 
-use crate::backends::{self, Chosen};
+use crate::backends;
 use crate::devices::{self, Place};
 use crate::loudspeaker::{Loudspeaker, SpeechId};
 use crate::microphone::{Microphone, Sound};
@@ -89,9 +90,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let input = |problem: String| StartError::Input(format!("parameters of `{}`: {problem}", role::SPEECH));
     params.endpoints().map_err(input)?;
     let chosen = params.backends();
-    let Chosen { backend: recognizer, notice: deaf } =
-        tokio::task::block_in_place(|| backends::recognizer(&chosen)).map_err(input)?;
-    let Chosen { backend: synthesizer, notice: mute } = backends::synthesizer(&chosen).map_err(input)?;
+    let runtime = Handle::current();
+    let hears = tokio::task::block_in_place(|| backends::recognizer(&chosen, &runtime)).map_err(input)?;
+    let speaks = backends::synthesizer(&chosen, &runtime).map_err(input)?;
     let (microphone, output) = (Place::of(&params.input), Place::of(&params.output));
     if let Some(output) = &output {
         // A wrong path is known now and not at the first reply.
@@ -104,9 +105,14 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         }
         .into(),
         muted: params.muted,
-        recognizer: recognizer.as_ref().map_or("", |r| r.name()).to_owned(),
-        synthesizer: synthesizer.as_ref().map_or("", |s| s.name()).to_owned(),
-        notice: [deaf, mute.filter(|_| output.is_some())].into_iter().flatten().collect::<Vec<_>>().join("; "),
+        recognizer: hears.shown(|r| r.name()),
+        synthesizer: speaks.shown(|s| s.name()),
+        remote: hears.leaves_this_machine(),
+        notice: [hears.notice, speaks.notice.filter(|_| output.is_some())]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join("; "),
         ..speech::State::default()
     };
     match &microphone {
@@ -126,12 +132,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     // The threads start before the actor has its mailbox. They have nothing to say until a message of the actor.
     let own = Arc::new(OnceLock::new());
     let own_mailbox = OwnMailbox(Arc::clone(&own));
-    let recognizer = recognizer.map(|recognizer| {
+    let recognizer = hears.backend.map(|recognizer| {
         let own_mailbox = own_mailbox.clone();
         RecognitionThread::start(recognizer, move |report| own_mailbox.send(Message::Recognizer(report)))
     });
     let recognizer = recognizer.transpose().map_err(StartError::Failed)?;
-    let loudspeaker = synthesizer.zip(output).map(|(synthesizer, output)| {
+    let loudspeaker = speaks.backend.zip(output).map(|(synthesizer, output)| {
         let own_mailbox = own_mailbox.clone();
         Loudspeaker::start(synthesizer, (output, params.output_rate), move |id, outcome| {
             own_mailbox.send(Message::Spoken { id, outcome });

@@ -1,4 +1,4 @@
-//! Addresses of language models, and the rule that prompts leave this machine only encrypted.
+//! Addresses of models, and the rule that data leave this machine only encrypted.
 
 use std::fmt;
 use std::net::IpAddr;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use reqwest::Url;
 
-/// The address of a language model.
+/// The address of a model in another program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Endpoint {
     /// An HTTP address with a host. `https` uses TLS.
@@ -35,6 +35,15 @@ pub enum EndpointError {
 }
 
 impl Endpoint {
+    /// Whether the address is on this machine.
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        match self {
+            Self::Url(url) => url.host_str().is_some_and(is_loopback),
+            Self::Unix(_) => true,
+        }
+    }
+
     /// Parses an address. Other machines need `https`, unless `insecure` is set.
     ///
     /// # Errors
