@@ -40,3 +40,4 @@ pub use sg_edit::{LEAK_RANGE, leak_of, reach_of};
 pub use tools::{BrushMode, DisplayMode, Locomotion, Tools, TurnStyle};
 pub use trace_recorder::{RecordedFrame, TraceRecorder};
 pub use view_state::{NOTICES, Notice, ServiceAvailability, ViewState, WalkCapabilities};
+pub(crate) use view_state::{has_microphone, waits_to_talk};

@@ -92,6 +92,12 @@ impl ViewState {
         self.steps_at >= self.scene.revision()
     }
 
+    /// Whether an open microphone waits for a button or key that is held to talk.
+    #[must_use]
+    pub fn waits_to_talk(&self) -> bool {
+        self.speech.as_ref().is_some_and(|speech| waits_to_talk(speech))
+    }
+
     /// The change that undo takes back, as far as it is known.
     #[must_use]
     pub fn undo_step(&self) -> Option<&String> {
@@ -146,6 +152,18 @@ impl ViewState {
         let normalized = DVec3::from_slice(self.proposals().get(number)?.point.get(..3)?);
         Some(bounds.denormalize(normalized)).filter(|at| at.is_finite())
     }
+}
+
+/// Whether something hears where this state is from.
+#[must_use]
+pub(crate) fn has_microphone(speech: &sg_proto::speech::State) -> bool {
+    !speech.input.is_empty() && !speech.recognizer.is_empty()
+}
+
+/// Whether an open microphone waits for a button or key that is held to talk.
+#[must_use]
+pub(crate) fn waits_to_talk(speech: &sg_proto::speech::State) -> bool {
+    has_microphone(speech) && speech.trigger() == sg_proto::speech::Trigger::Held && !speech.muted
 }
 
 /// Walk capabilities of the selection service.

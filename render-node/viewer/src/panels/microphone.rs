@@ -6,7 +6,7 @@ use sg_proto::speech::{Control, Phase, State, Trigger};
 use super::control::scale;
 use super::output::Output;
 use super::state::Panels;
-use crate::display::Request;
+use crate::display::{Request, has_microphone, waits_to_talk};
 
 /// Radius of the lamp in points, at the usual text size.
 const LAMP: f32 = 5.0;
@@ -35,7 +35,7 @@ impl Panels {
 
     /// The button that is held to talk, where the microphone waits for one.
     pub(super) fn talk_button(&mut self, ui: &mut Ui, speech: &State, output: &mut Output) {
-        if !has_microphone(speech) || speech.trigger() != Trigger::Held || speech.muted {
+        if !waits_to_talk(speech) {
             return;
         }
         let button = Button::new("talk").selected(speech.held).sense(Sense::drag());
@@ -45,10 +45,6 @@ impl Panels {
             output.requests.push(Request::Speech(if is_down { Control::Press } else { Control::Release }));
         }
     }
-}
-
-fn has_microphone(speech: &State) -> bool {
-    !speech.input.is_empty() && !speech.recognizer.is_empty()
 }
 
 /// A coloured disc and the phase in a word. Its tooltip says who hears.

@@ -15,6 +15,8 @@ use crate::display::{
 use crate::hands::locomotion::{Arc as ThrownArc, Teleport, flight, jump};
 use crate::hands::{Grab, HandInput, Placement, Side, Switch, TurnMode};
 
+use super::push_to_talk::PushToTalk;
+
 /// How far before the controller its tip is, metres.
 const REACH: f64 = 0.08;
 
@@ -87,6 +89,8 @@ pub struct Interaction {
     brushes: [BrushController; 2],
     triggers: [Switch; 2],
     buttons: [Buttons; 2],
+    /// The second button of the hand that takes away.
+    talk: PushToTalk,
     samples: [Option<BrushSample>; 2],
     hits: [usize; 2],
     /// The last walk under the stick of the hand that adds.
@@ -113,6 +117,7 @@ impl Interaction {
             brushes: [hand("left"), hand("right")],
             triggers: [Switch::default(); 2],
             buttons: [Buttons::default(); 2],
+            talk: PushToTalk::default(),
             samples: [None; 2],
             hits: [0; 2],
             drag: ParameterDrag::default(),
@@ -193,6 +198,9 @@ impl Interaction {
         }
         let k = adds.other().index();
         output.jumped |= self.travel(&hands[k], captured.triggers[k] || captured.grips[k], (head, seconds), tools);
+        let talks = self.talk.step(hands[k].secondary, state.waits_to_talk(), seconds);
+        output.requests.extend(talks.control.map(Request::Speech));
+        output.panels |= talks.tapped;
         for side in Side::BOTH {
             self.press(side, &hands[side.index()], tools, state, &mut output);
             self.brush(side, &hands[side.index()], captured, tools, state, &mut output);
@@ -303,12 +311,9 @@ impl Interaction {
                 false => (),
             }
         }
-        if hand.secondary && !was.secondary {
-            match adds {
-                true if state.services.scene => output.requests.push(change(Action::Undo(Undo { steps: 1 }))),
-                true => (),
-                false => output.panels = true,
-            }
+        // The other hand's second button shows panels, or talks.
+        if hand.secondary && !was.secondary && adds && state.services.scene {
+            output.requests.push(change(Action::Undo(Undo { steps: 1 })));
         }
         output.panels |= hand.menu && !was.menu;
         if hand.stick_click && !was.stick {
@@ -393,7 +398,10 @@ impl Interaction {
     #[must_use]
     pub fn legend(side: Side, tools: &Tools, state: &ViewState) -> Vec<(&'static str, String)> {
         let adds = side == Self::adds(tools);
-        let [one, two, two_or_menu] = if side == Side::Right { ["A", "B", "B, menu"] } else { ["X", "Y", "Y, menu"] };
+        let [one, two, two_or_menu, two_held] = match side {
+            Side::Right => ["A", "B", "B, menu", "B held"],
+            Side::Left => ["X", "Y", "Y, menu", "Y held"],
+        };
         let mut lines = Vec::new();
         if state.services.selection {
             let what = if adds { "adds" } else { "takes away" };
@@ -436,6 +444,9 @@ impl Interaction {
                 lines.push(("stick aside", format!("left: {left}, right: {right}")));
             }
             lines.push((two_or_menu, "panels".to_owned()));
+            if state.waits_to_talk() {
+                lines.push((two_held, "talk".to_owned()));
+            }
             lines.push(("palm to the eyes", "a menu".to_owned()));
         }
         let pressed = if adds { "back to the first place" } else { "screenshot" };

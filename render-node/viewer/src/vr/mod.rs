@@ -14,6 +14,7 @@ mod mirror;
 mod motion;
 mod overlay;
 mod panel_layers;
+mod push_to_talk;
 mod room_meshes;
 mod screenshots;
 

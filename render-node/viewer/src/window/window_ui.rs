@@ -9,7 +9,7 @@ use sg_edit::wire::encode_view;
 use sg_gpu::Gpu;
 use sg_gpu::backend::Engine;
 use sg_proto::scene::{SetView, command, set_view};
-use sg_proto::speech::{Control, Trigger};
+use sg_proto::speech::Control;
 use sg_scene::framing::{FirstView, near_distance};
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
@@ -266,8 +266,7 @@ impl WindowUi {
         for action in pressed.actions {
             self.act(action, &state, &mut requests);
         }
-        let waits_for_key = state.speech.as_ref().is_some_and(|speech| speech.trigger() == Trigger::Held);
-        let is_talking = waits_for_key && ui.input(|input| shortcuts::is_talking(input, focus));
+        let is_talking = state.waits_to_talk() && ui.input(|input| shortcuts::is_talking(input, focus));
         if std::mem::replace(&mut self.is_talking, is_talking) != is_talking {
             requests.push(Request::Speech(if is_talking { Control::Press } else { Control::Release }));
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use sg_proto::scene::{StrokeMode, selection_step::Step};
 use sg_proto::selection::AnswerStep;
+use sg_proto::speech::{self, Control, Trigger};
 use sg_scene::model::Scene;
 use sg_viewer::display::{BrushMode, Locomotion, Request, Tools, TurnStyle, ViewState, WalkParameter};
 use sg_viewer::hands::locomotion::{FLY_SPEED, arc};
@@ -228,4 +229,39 @@ fn a_pressed_stick_goes_home_or_keeps_a_picture() {
     assert!(!did.screenshot, "once for a press");
     let did = room.act([HandInput::default(), pressed], PanelCapture::default());
     assert!(did.jumped && !did.screenshot);
+}
+
+#[test]
+fn the_other_hand_s_second_button_talks_while_a_microphone_waits_for_it() {
+    let scene = Arc::new(row_of_gaussians(6));
+    let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
+    let mut held = |room: &mut Room, frames: usize| {
+        let hand = |secondary| HandInput { secondary, ..HandInput::default() };
+        let down = (0..frames).map(|_| true).chain([false]);
+        let frames: Vec<InteractionOutput> =
+            down.map(|down| room.act([hand(down), HandInput::default()], PanelCapture::default())).collect();
+        let requests: Vec<Request> = frames.iter().flat_map(|frame| frame.requests.clone()).collect();
+        (requests, frames.iter().any(|frame| frame.panels))
+    };
+    assert_eq!(held(&mut room, 100), (vec![], true));
+    assert!(!room.legend(Side::Left).contains("talk"));
+    let speech = speech::State {
+        input: "device".to_owned(),
+        recognizer: "whisper".to_owned(),
+        trigger: Trigger::Held.into(),
+        ..speech::State::default()
+    };
+    room.shown.speech = Some(Arc::new(speech.clone()));
+    let talks = vec![Request::Speech(Control::Press), Request::Speech(Control::Release)];
+    assert_eq!(held(&mut room, 100), (talks.clone(), false));
+    assert_eq!(held(&mut room, 10), (talks, true), "a tap shows the panels");
+    assert!(room.legend(Side::Left).contains("Y, menu: panels\nY held: talk\n"));
+    for other in [
+        speech::State { muted: true, ..speech.clone() },
+        speech::State { trigger: Trigger::Voice.into(), ..speech.clone() },
+        speech::State { input: String::new(), ..speech },
+    ] {
+        room.shown.speech = Some(Arc::new(other));
+        assert_eq!(held(&mut room, 100), (vec![], true));
+    }
 }
