@@ -328,6 +328,8 @@ table! {
     LABELING_FIND: Request<labeling::FindRequest, labeling::FindReply> = (role::LABELING, "cmd/find", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
     /// Describes how a unit or the selection looks.
     LABELING_DESCRIBE: Request<labeling::DescribeRequest, labeling::DescribeReply> = (role::LABELING, "cmd/describe", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
+    /// Finds the views that show most of a unit or of the selection.
+    LABELING_VIEWS: Request<labeling::ViewsRequest, labeling::ViewsReply> = (role::LABELING, "cmd/views", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]);
     /// State of the labeling service.
     LABELING_STATE: Retained<labeling::State> = (role::LABELING, "state");
 

@@ -77,7 +77,7 @@ const SOUND_DEVICES: &str = "/dev/snd";
 const SOUND_SOCKETS: [&str; 3] = ["pipewire-0", "pipewire-0.lock", "pulse"];
 /// Settings of sound below the home folder.
 const SOUND_SETTINGS: [&str; 4] = [".asoundrc", ".config/alsa", ".config/pipewire", ".config/pulse"];
-/// Folder below the user's cache with models of speech.
+/// Folder below the user's cache with models of speech and of sentences.
 const MODELS: &str = "supergaussian/models";
 /// Port of an OpenTelemetry collector whose address names none.
 const COLLECTOR_PORT: u16 = 4317;
@@ -294,12 +294,18 @@ impl Process<'_> {
                 if device("input") || device("output") {
                     self.sound(rights);
                 }
-                let cache = self.user_folder("XDG_CACHE_HOME", ".cache");
-                rights.read.extend(cache.map(|cache| cache.join(MODELS)).filter(|models| models.is_dir()));
+                rights.read.extend(self.models());
             }
+            role::LABELING => rights.read.extend(self.models()),
             _ => {}
         }
         Ok(())
+    }
+
+    /// The folder of the usual models, if it is there.
+    fn models(&self) -> Option<PathBuf> {
+        let cache = self.user_folder("XDG_CACHE_HOME", ".cache");
+        cache.map(|cache| cache.join(MODELS)).filter(|models| models.is_dir())
     }
 
     /// Connections by TCP: agents reach language models, and everyone the collector of traces and a node's home. Programs of

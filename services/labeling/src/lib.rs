@@ -5,6 +5,7 @@ pub mod attributes;
 pub mod entropy;
 pub mod frame;
 pub mod lexical;
+pub mod meaning;
 pub mod query;
 pub mod region;
 pub mod relation;

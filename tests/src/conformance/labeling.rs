@@ -2,7 +2,7 @@
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::labeling::{DescribeReply, DescribeRequest, FindReply, FindRequest, Outcome};
+use sg_proto::labeling::{DescribeReply, DescribeRequest, FindReply, FindRequest, Outcome, ViewsReply, ViewsRequest};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, SaveUnit, Select, SetColor};
 
@@ -31,6 +31,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("says when nothing matches", nothing(stage).await);
     checks.note("follows names and looks as they change", follows(stage).await);
     checks.note("describes units and the selection", describes(stage).await);
+    checks.note("finds the views that show most of a unit", views(stage).await);
     checks.note("refuses what it cannot answer", refuses(stage).await);
 }
 
@@ -102,6 +103,34 @@ async fn describes(stage: &mut Stage<'_>) -> Result<(), String> {
     let (selection, sac) = (describe(stage, "").await?, describe(stage, "sac").await?);
     let center = |reply: &DescribeReply| reply.look.clone().and_then(|look| look.center);
     hold(center(&selection) == center(&sac) && center(&sac).is_some(), || format!("{selection:?}, {sac:?}"))
+}
+
+async fn view_request(stage: &Stage<'_>, unit: &str, count: u32) -> Result<ViewsReply, String> {
+    let at_least_revision = stage.scene_state().await?.revision;
+    let request = ViewsRequest { unit: unit.to_owned(), at_least_revision, count, ..ViewsRequest::default() };
+    stage.cli.ask(&keys::LABELING_VIEWS, &request, &soon()).await.map_err(|f| format!("cmd/views {unit}: {f}"))
+}
+
+async fn views(stage: &Stage<'_>) -> Result<(), String> {
+    let reply = view_request(stage, "body", 3).await?;
+    let falls = reply.views.windows(2).all(|pair| pair[0].entropy >= pair[1].entropy);
+    let in_range = reply.views.iter().all(|found| {
+        let shares = [found.entropy, found.visible_area, found.unhidden];
+        found.view.is_some() && found.entropy > 0.0 && shares.iter().all(|share| (0.0..=1.0).contains(share))
+    });
+    let is_whole = reply.views.len() == 3 && reply.measured > 3 && reply.radius > 0.0 && reply.center.is_some();
+    hold(falls && in_range && is_whole, || format!("{reply:?}"))?;
+    // The sac is selected since the check before.
+    let (selection, sac) = (view_request(stage, "", 0).await?, view_request(stage, "sac", 0).await?);
+    hold(selection.views == sac.views && !sac.views.is_empty(), || format!("{selection:?}, {sac:?}"))?;
+    let unknown = ViewsRequest { unit: "liver".to_owned(), ..ViewsRequest::default() };
+    let reply = stage.cli.ask(&keys::LABELING_VIEWS, &unknown, &soon()).await;
+    let code = reply.as_ref().err().map(|fault| fault.code);
+    hold(code == Some(Code::NotFound), || format!("views of a unit that does not exist: {reply:?}"))?;
+    let many = ViewsRequest { unit: "sac".to_owned(), count: 33, ..ViewsRequest::default() };
+    let reply = stage.cli.ask(&keys::LABELING_VIEWS, &many, &soon()).await;
+    let code = reply.as_ref().err().map(|fault| fault.code);
+    hold(code == Some(Code::InvalidArgument), || format!("33 views: {reply:?}"))
 }
 
 async fn refuses(stage: &Stage<'_>) -> Result<(), String> {

@@ -368,11 +368,21 @@ const MAP: [(&str, &str, &[&str]); 38] = [
         ],
     ),
     ("services/color", "sg-color", &[]),
-    ("services/labeling", "sg-labeling", &["sg-color", "sg-scene"]),
+    ("services/labeling", "sg-labeling", &["sg-color", "sg-encoders", "sg-scene"]),
     (
         "services/labeling/service",
         "supergaussian-labeling",
-        &["sg-edit", "sg-formats", "sg-input", "sg-labeling", "sg-proto", "sg-runtime", "sg-scene"],
+        &[
+            "sg-edit",
+            "sg-encoders",
+            "sg-formats",
+            "sg-input",
+            "sg-labeling",
+            "sg-proto",
+            "sg-raster",
+            "sg-runtime",
+            "sg-scene",
+        ],
     ),
     ("services/speech", "sg-speech", &["sg-input"]),
     (

@@ -10,6 +10,7 @@ use std::time::Duration;
 use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
 use sg_labeling::attributes::words::describing;
+use sg_labeling::meaning::LabelCosines;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling;
 use sg_runtime::actor::{Actor, ActorError, Mailbox, Reply};
@@ -18,8 +19,11 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_replica::SceneReplica;
+use tokio::sync::watch;
 
+use crate::label_encoder::{EncoderChoice, LabelEncoder};
 use crate::measured_units::{MeasuredUnits, Units, labelled};
+use crate::viewer::{Viewer, ViewsMessage};
 use crate::wire;
 
 /// Length of the request queue.
@@ -28,13 +32,18 @@ const QUEUE: usize = 8;
 const MAX_TEXT_BYTES: usize = 512;
 /// Time without a change of the scene after which units are measured in advance.
 const SETTLED: Duration = Duration::from_millis(250);
-/// What answers are based on.
-const METHOD: &str = "labels and looks, without a neural network";
+/// What answers are based on without a sentence encoder.
+const BY_WORDS: &str = "labels and looks, without a neural network";
+/// What answers are based on with one.
+const BY_MEANING: &str = "labels, their meanings by a sentence encoder, and looks";
 
-/// Parameters in the launch file: none.
-#[derive(Debug, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Params {}
+/// Parameters in the launch file.
+#[derive(Debug, Default, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Params {
+    /// Sentence encoder beside the words: `auto`, `none`, or a model's folder.
+    text_encoder: EncoderChoice,
+}
 
 /// Loads the scene and starts to serve.
 ///
@@ -44,21 +53,31 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     if host.role() != role::LABELING {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::LABELING)));
     }
-    let Params {} = host.params()?;
+    let params: Params = host.params()?;
+    let encoder = tokio::task::block_in_place(|| LabelEncoder::of(&params.text_encoder));
+    let encoder = encoder.map_err(|e| StartError::Input(e.to_string()))?;
     let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
     let newest = scene.newest();
     let geometry = newest.replica.state().geometry();
     let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let file = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash));
     let file = file.map_err(|e| StartError::Input(e.to_string()))?;
-    let units = MeasuredUnits::new(PlacedScene::new(Arc::new(file)));
-    let mut labeler = Labeler { scene: scene.clone(), units, answered: 0 };
+    let file = Arc::new(file);
+    let viewer = Viewer::new(scene.clone(), PlacedScene::new(Arc::clone(&file)));
+    let units = MeasuredUnits::new(PlacedScene::new(file));
+    let method = if encoder.is_some() { BY_MEANING } else { BY_WORDS };
+    let labels = watch::Sender::new(Vec::new());
+    if let Some(encoder) = &encoder {
+        tokio::spawn(encode_labels(Arc::clone(encoder), labels.subscribe()));
+    }
+    let mut labeler = Labeler { scene: scene.clone(), units, encoder, labels, answered: 0 };
     tokio::task::block_in_place(|| labeler.measured(newest.replica.state()))
         .map_err(|fault| StartError::Failed(fault.message))?;
 
-    let owned = host.bus().retain(&keys::LABELING_STATE, state_message(newest.replica.state())).await?;
+    let owned = host.bus().retain(&keys::LABELING_STATE, state_message(newest.replica.state(), method)).await?;
     let (mailbox, _) = host.spawn(labeler, QUEUE);
-    tokio::spawn(follow(scene, mailbox.clone(), owned));
+    let (views, _) = host.spawn(viewer, QUEUE);
+    tokio::spawn(follow(scene, mailbox.clone(), owned, method));
     host.route(&keys::LABELING_FIND, QUEUE, &mailbox, |request, context, reply| Message::Find {
         request,
         context,
@@ -71,16 +90,27 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         reply,
     })
     .await?;
+    host.route(&keys::LABELING_VIEWS, QUEUE, &views, |request, context, reply| ViewsMessage {
+        request,
+        context,
+        reply,
+    })
+    .await?;
     Ok(())
 }
 
-fn state_message(state: &EditState) -> labeling::State {
+fn state_message(state: &EditState, method: &str) -> labeling::State {
     let units = u32::try_from(labelled(state).count()).unwrap_or(u32::MAX);
-    labeling::State { revision: state.revision(), units, method: METHOD.to_owned() }
+    labeling::State { revision: state.revision(), units, method: method.to_owned() }
 }
 
 /// Publishes the newest revision, and measures its units once the scene has settled.
-async fn follow(mut scene: SceneReplica<Replica>, mailbox: Mailbox<Message>, owned: RetainedValue<labeling::State>) {
+async fn follow(
+    mut scene: SceneReplica<Replica>,
+    mailbox: Mailbox<Message>,
+    owned: RetainedValue<labeling::State>,
+    method: &'static str,
+) {
     let mut is_measured = true;
     loop {
         let changed =
@@ -88,7 +118,7 @@ async fn follow(mut scene: SceneReplica<Replica>, mailbox: Mailbox<Message>, own
         match changed {
             Ok(Some(newer)) => {
                 is_measured = false;
-                let message = state_message(newer.replica.state());
+                let message = state_message(newer.replica.state(), method);
                 if let Err(fault) = owned.set(message, &newer.context.next()).await {
                     tracing::warn!(%fault, "the state could not be published");
                 }
@@ -98,6 +128,26 @@ async fn follow(mut scene: SceneReplica<Replica>, mailbox: Mailbox<Message>, own
                 is_measured = true;
                 // A full queue holds requests, which measure the units too.
                 let _ = mailbox.tell(Message::Measure);
+            }
+        }
+    }
+}
+
+/// Encodes labels before somebody asks, a few at a time. Newer labels supersede the ones that are left.
+async fn encode_labels(encoder: Arc<LabelEncoder>, mut labels: watch::Receiver<Vec<String>>) {
+    while labels.changed().await.is_ok() {
+        loop {
+            let next = labels.borrow().clone();
+            let encoder = Arc::clone(&encoder);
+            match tokio::task::spawn_blocking(move || encoder.encode_next(&next)).await {
+                Ok(Ok(true)) => {}
+                Ok(Ok(false)) => break,
+                // Words alone speak for these labels.
+                Ok(Err(error)) => {
+                    tracing::warn!(%error, "labels could not be encoded");
+                    break;
+                }
+                Err(_) => return,
             }
         }
     }
@@ -117,6 +167,9 @@ enum Message {
 struct Labeler {
     scene: SceneReplica<Replica>,
     units: MeasuredUnits,
+    encoder: Option<Arc<LabelEncoder>>,
+    /// Labels to encode in advance.
+    labels: watch::Sender<Vec<String>>,
     answered: u64,
 }
 
@@ -170,7 +223,15 @@ impl Actor for Labeler {
 impl Labeler {
     /// The units of a state, measured.
     fn measured(&mut self, state: &EditState) -> Result<Arc<Units>, Fault> {
-        self.units.of(state).map_err(|e| Fault::internal(e.to_string()))
+        let units = self.units.of(state).map_err(|e| Fault::internal(e.to_string()))?;
+        self.labels.send_if_modified(|labels| {
+            let is_new = *labels != units.names;
+            if is_new {
+                labels.clone_from(&units.names);
+            }
+            is_new
+        });
+        Ok(units)
     }
 
     async fn state_at(&self, revision: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
@@ -186,7 +247,9 @@ impl Labeler {
         let state = self.state_at(request.at_least_revision, context).await?;
         tokio::task::block_in_place(|| {
             let units = self.measured(&state)?;
-            Ok(wire::encode(units.queryable.find(&request.text), &units))
+            let encoder = self.encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
+            let meaning = encoder.as_ref().map(|encoder| encoder as &dyn LabelCosines);
+            Ok(wire::encode(units.queryable.find_by(&request.text, meaning), &units))
         })
     }
 

@@ -9,8 +9,10 @@ use sg_edit::{EditState, PlacedScene};
 use sg_formats::{LoadOptions, load};
 use sg_input::print;
 use sg_labeling::attributes::words::describing;
+use sg_labeling::meaning::LabelCosines;
 use sg_labeling::query::{Outcome, Ranked};
 
+use crate::label_encoder::{EncoderChoice, LabelEncoder};
 use crate::measured_units::{MeasuredUnits, Units};
 
 /// Subcommands that work on files alone.
@@ -34,6 +36,9 @@ pub(crate) struct Find {
     scene: PathBuf,
     /// Text, such as "the largest bone" or "everything but the skin"
     text: String,
+    /// Sentence encoder beside the words: a model's folder, `auto` for the one of ops/models.sh if it is there, or `none`
+    #[arg(long, value_name = "auto|none|FOLDER", default_value = "auto")]
+    text_encoder: EncoderChoice,
 }
 
 #[derive(Debug, Args)]
@@ -45,7 +50,9 @@ pub(crate) struct Describe {
 /// Runs a subcommand. Exit status: 0 for success, 1 for no clear match, 2 for wrong input.
 pub(crate) fn run(command: &Command) -> ExitCode {
     let outcome = match command {
-        Command::Find(Find { scene, text }) => units(scene).and_then(|units| find(&units, text)),
+        Command::Find(Find { scene, text, text_encoder }) => {
+            units(scene).and_then(|units| find(&units, text, text_encoder))
+        }
         Command::Describe(Describe { scene }) => units(scene).and_then(|units| {
             let looks = units.queryable.looks();
             let line = |(at, name): (usize, &String)| format!("{name}: {}", describing(looks, at).join(", "));
@@ -75,13 +82,18 @@ fn write(lines: &[String]) -> Result<(), String> {
     print::result(&lines.join("\n")).map_err(|e| format!("standard output: {e}"))
 }
 
-fn find(units: &Units, text: &str) -> Result<ExitCode, String> {
+fn find(units: &Units, text: &str, encoder: &EncoderChoice) -> Result<ExitCode, String> {
+    let encoder = LabelEncoder::of(encoder).map_err(|e| e.to_string())?;
+    if let Some(encoder) = &encoder {
+        while encoder.encode_next(&units.names).map_err(|e| e.to_string())? {}
+    }
+    let meaning = encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
     let line = |r: &Ranked| {
         let name = units.names.get(r.item).map_or("", String::as_str);
         format!("{name}\t{:.2}\t{}", r.score, r.explanation())
     };
     let lines = |ranked: &[Ranked]| write(&ranked.iter().map(line).collect::<Vec<_>>());
-    match units.queryable.find(text) {
+    match units.queryable.find_by(text, meaning.as_ref().map(|m| m as &dyn LabelCosines)) {
         Outcome::Match { items } => {
             lines(&items)?;
             return Ok(ExitCode::SUCCESS);

@@ -2,7 +2,10 @@
 
 mod actor;
 mod cli;
+mod label_encoder;
 mod measured_units;
+mod region_views;
+mod viewer;
 mod wire;
 
 use std::process::ExitCode;

@@ -25,6 +25,8 @@ use crate::attributes::Attributes;
 use crate::attributes::judge::Looks;
 use crate::frame::Frame;
 use crate::lexical::Index;
+use crate::meaning::LabelCosines;
+use crate::query::rank::Known;
 use crate::wordnet::WordNetError;
 
 /// Something that a text can mean: a labelled unit, a base unit, or a cluster without a label.
@@ -63,9 +65,19 @@ impl Scene {
     /// The items that a text means.
     #[must_use]
     pub fn find(&self, text: &str) -> Outcome {
-        rank::find(&self.index, &self.looks, text)
+        self.find_by(text, None)
+    }
+
+    /// The items that a text means, by words, looks, and the meanings that a sentence encoder knows. Words that are sure decide
+    /// alone, so an item's own label always finds it.
+    #[must_use]
+    pub fn find_by(&self, text: &str, meaning: Option<&dyn LabelCosines>) -> Outcome {
+        rank::find(Known { index: &self.index, looks: &self.looks, meaning }, text)
     }
 }
+
+#[cfg(test)]
+mod meaning_tests;
 
 #[cfg(test)]
 mod tests {

@@ -24,6 +24,8 @@ pub struct Ranked {
     pub looks: Vec<String>,
     /// The words of the query that its look does not fit.
     pub unfit: Vec<String>,
+    /// What a sentence encoder compared, where one had a say: "brain tissue ~ grey matter".
+    pub meaning: Option<String>,
     /// Whether it is meant because other items are named as left out.
     pub by_exclusion: bool,
 }
@@ -33,6 +35,9 @@ impl Ranked {
     #[must_use]
     pub fn explanation(&self) -> String {
         let mut parts: Vec<String> = self.evidence.iter().map(ToString::to_string).collect();
+        if let Some(meaning) = &self.meaning {
+            parts.push(format!("meaning: {meaning}"));
+        }
         if !self.looks.is_empty() {
             parts.push(format!("looks {}", self.looks.join(", ")));
         }
@@ -45,10 +50,11 @@ impl Ranked {
         parts.join("; ")
     }
 
-    /// Whether a label's word of another kind than the same word speaks for the item: a reply should then say so.
+    /// Whether a meaning, or a label's word of another kind than the same word, speaks for the item: a reply should then say so.
     #[must_use]
     pub fn is_inferred(&self) -> bool {
-        self.evidence.iter().any(|e| !matches!(e.relation, Relation::Exact | Relation::Inflection | Relation::Spacing))
+        let is_same = |r| matches!(r, Relation::Exact | Relation::Inflection | Relation::Spacing);
+        self.meaning.is_some() || self.evidence.iter().any(|e| !is_same(e.relation))
     }
 }
 

@@ -20,6 +20,8 @@ pub(super) struct Group {
     pub(super) nouns: Phrase,
     /// All words, looks included, as a label could have them: "grey matter".
     pub(super) whole: Phrase,
+    /// All words as they were said, for a sentence encoder: "brain tissue".
+    pub(super) text: String,
     /// For each word of the whole, whether it states a look.
     pub(super) is_look: Vec<bool>,
     /// What the thing must look like.
@@ -135,6 +137,8 @@ const SEVERAL: [&str; 16] = [
     "everything",
     "most",
 ];
+/// Words before a noun phrase that say nothing of its meaning.
+const ARTICLES: [&str; 5] = ["the", "a", "an", "my", "our"];
 /// Words that say nothing here.
 const FILLERS: [&str; 26] = [
     "the", "a", "an", "that", "which", "who", "is", "are", "thats", "its", "this", "of", "at", "on", "in", "to", "by",
@@ -267,6 +271,8 @@ fn group(words: &[String], net: &WordNet) -> Group {
             at += 1;
         }
     }
+    let said = words.iter().position(|w| !ARTICLES.contains(&w.as_str())).unwrap_or(words.len());
+    group.text = words.get(said..).unwrap_or_default().join(" ");
     group.nouns = Phrase::of_words(&nouns);
     group.whole = Phrase::of_words(&whole);
     group.has_noun |= !group.nouns.is_empty();

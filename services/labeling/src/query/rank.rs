@@ -3,6 +3,7 @@
 use crate::attributes::judge::{FITS, Looks};
 use crate::attributes::quality::{self, Constraint, Look};
 use crate::lexical::{Index, LexicalMatch};
+use crate::meaning::{CALIBRATION, Cosines, LabelCosines};
 use crate::query::outcome::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
 use crate::query::parse::{Group, Number, Query, parse};
 
@@ -14,9 +15,23 @@ const BY_LOOK: f64 = 0.95;
 const JUST_FITS: f64 = 0.75;
 /// What is left of a score for each look that does not fit.
 const UNFIT: f64 = 0.35;
+/// Score by words from which a sentence encoder is not asked: the same word, another form of it, its usual synonym.
+const SURE: f64 = 0.9;
+/// Share of the best item's share from which another item contends with it.
+const CONTENDER: f64 = 0.5;
+
+/// What is known of the items.
+#[derive(Clone, Copy)]
+pub(super) struct Known<'k> {
+    pub(super) index: &'k Index,
+    pub(super) looks: &'k Looks,
+    /// A sentence encoder, if there is one.
+    pub(super) meaning: Option<&'k dyn LabelCosines>,
+}
 
 /// The outcome of a text.
-pub(super) fn find(index: &Index, looks: &Looks, text: &str) -> Outcome {
+pub(super) fn find(known: Known<'_>, text: &str) -> Outcome {
+    let Known { index, .. } = known;
     let nothing = |why| Outcome::NothingMatches { best: None, why };
     if index.is_empty() {
         return nothing(Why::NoItems);
@@ -25,8 +40,8 @@ pub(super) fn find(index: &Index, looks: &Looks, text: &str) -> Outcome {
     if query.groups.is_empty() {
         return nothing(Why::NoWords);
     }
-    let mut ranked = wanted(index, looks, &query);
-    let is_excluded = excluded(index, looks, &query, &ranked);
+    let mut ranked = wanted(known, &query);
+    let is_excluded = excluded(known, &query, &ranked);
     let had_match = ranked.iter().any(|r| r.score >= THRESHOLD);
     ranked.retain(|r| !is_excluded.get(r.item).copied().unwrap_or_default());
     if query.excluded.is_empty() {
@@ -42,10 +57,10 @@ pub(super) fn find(index: &Index, looks: &Looks, text: &str) -> Outcome {
 }
 
 /// The items by falling score, each by the group that suits it best.
-fn wanted(index: &Index, looks: &Looks, query: &Query) -> Vec<Ranked> {
-    let mut best: Vec<Option<Ranked>> = vec![None; index.len()];
+fn wanted(known: Known<'_>, query: &Query) -> Vec<Ranked> {
+    let mut best: Vec<Option<Ranked>> = vec![None; known.index.len()];
     for group in &query.groups {
-        for ranked in of_group(index, looks, group, None) {
+        for ranked in of_group(known, group, query.number, None) {
             let at = ranked.item;
             if best.get(at).is_some_and(|b| b.as_ref().is_none_or(|b| ranked.score > b.score)) {
                 best[at] = Some(ranked);
@@ -58,12 +73,12 @@ fn wanted(index: &Index, looks: &Looks, query: &Query) -> Vec<Ranked> {
 }
 
 /// For each item, whether the query excludes it. Places and sizes are judged among what the query asks for.
-fn excluded(index: &Index, looks: &Looks, query: &Query, ranked: &[Ranked]) -> Vec<bool> {
-    let mut excluded = vec![false; index.len()];
+fn excluded(known: Known<'_>, query: &Query, ranked: &[Ranked]) -> Vec<bool> {
+    let mut excluded = vec![false; known.index.len()];
     let mut asked: Vec<usize> = ranked.iter().filter(|r| r.score >= THRESHOLD).map(|r| r.item).collect();
     asked.sort_unstable();
     for group in &query.excluded {
-        let found = of_group(index, looks, group, Some(&asked));
+        let found = of_group(known, group, Number::Several, Some(&asked));
         for item in found.into_iter().filter(|r| r.score >= THRESHOLD) {
             if let Some(own) = excluded.get_mut(item.item) {
                 *own = true;
@@ -102,11 +117,62 @@ fn why(ranked: &[Ranked], query: &Query, index: &Index) -> Why {
 }
 
 /// The items that a group speaks for. `among` are the items that looks are judged among, in rising order; by default those that the noun suits.
-fn of_group(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
+fn of_group(known: Known<'_>, group: &Group, number: Number, among: Option<&[usize]>) -> Vec<Ranked> {
+    let Known { index, looks, meaning } = known;
     if group.universal {
         let all = |item| Ranked { score: 1.0, ..unranked(item) };
         return (0..index.len()).map(all).collect();
     }
+    let named = by_words(index, looks, group, among);
+    let best = named.iter().map(|r| r.score).fold(0.0, f64::max);
+    let is_settled = best >= SURE || (best >= THRESHOLD && number == Number::Several) || !may_mean(&named, group);
+    match meaning.filter(|_| !is_settled).and_then(|meaning| meaning.cosines(&group.text)) {
+        Some(cosines) => by_meaning(index, &named, &cosines, &group.text),
+        None => named,
+    }
+}
+
+/// Whether a meaning beside the words may decide. Where a label has the noun but not the look, it may not: a vessel that is not
+/// red is no "red vessel". Looks alone are measured.
+fn may_mean(named: &[Ranked], group: &Group) -> bool {
+    !group.nouns.is_empty() && !named.iter().any(|r| !r.unfit.is_empty() && r.score >= NAMED * UNFIT)
+}
+
+/// The items by what their words and a sentence encoder say together.
+pub(super) fn by_meaning(index: &Index, named: &[Ranked], cosines: &Cosines, text: &str) -> Vec<Ranked> {
+    let shares = CALIBRATION.shares(cosines, &words_of(index, named));
+    let best = shares.iter().copied().fold(0.0, f64::max);
+    let is_contender = |share: f64| share >= CONTENDER * best && share > 0.0;
+    // Several that share what none has alone: the text means one of them.
+    let together: f64 = shares.iter().copied().filter(|share| is_contender(*share)).sum();
+    let is_split = best < THRESHOLD && together >= THRESHOLD;
+    let score = |share: f64| if is_split && is_contender(share) { together.min(1.0) } else { share };
+    let by_share = shares.iter().enumerate().filter_map(|(item, share)| {
+        let own = named.iter().find(|r| r.item == item).cloned();
+        // Words alone speak for a label that is not encoded.
+        if cosines.labels.get(item).copied().flatten().is_none() {
+            return own;
+        }
+        let own = own.unwrap_or_else(|| unranked(item));
+        let label = index.words_of(item).join(" ");
+        Some(Ranked { score: score(*share), meaning: Some(format!("{text} ~ {label}")), ..own })
+    });
+    by_share.collect()
+}
+
+/// The score of each item by its words, 0 where nothing relates them.
+pub(super) fn words_of(index: &Index, named: &[Ranked]) -> Vec<f64> {
+    let mut words = vec![0.0; index.len()];
+    for ranked in named {
+        if let Some(own) = words.get_mut(ranked.item) {
+            *own = ranked.score;
+        }
+    }
+    words
+}
+
+/// The items that the words and looks of a group speak for.
+pub(super) fn by_words(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {
     let named = by_name(index, looks, group, among);
     let suits = |ranked: &[Ranked]| ranked.iter().any(|r| r.score >= THRESHOLD);
     match group.by_shape(index.net()) {
@@ -119,7 +185,15 @@ fn of_group(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>
 }
 
 fn unranked(item: usize) -> Ranked {
-    Ranked { item, score: 0.0, evidence: Vec::new(), looks: Vec::new(), unfit: Vec::new(), by_exclusion: false }
+    Ranked {
+        item,
+        score: 0.0,
+        evidence: Vec::new(),
+        looks: Vec::new(),
+        unfit: Vec::new(),
+        meaning: None,
+        by_exclusion: false,
+    }
 }
 
 fn by_name(index: &Index, looks: &Looks, group: &Group, among: Option<&[usize]>) -> Vec<Ranked> {

@@ -1,0 +1,300 @@
+//! Views that show most of a region: pictures of it alone from all sides, and the best of them among the rest of the scene.
+//!
+//! The pictures are small, so the cores of this process draw them. A render process would have to draw, store, hash and send
+//! each one, and takes no choice of Gaussians other than units. No window and no headset has a part in it.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::Vec3;
+use sg_edit::wire::{encode_vector, encode_view};
+use sg_edit::{EditError, EditState};
+use sg_labeling::entropy::{AlphaError, AlphaPicture, EntropyForm};
+use sg_labeling::frame::Frame;
+use sg_labeling::region::{Region, RegionError};
+use sg_labeling::views::{Sphere, ViewsError, choose};
+use sg_proto::bus::Code;
+use sg_proto::labeling;
+use sg_raster::render::{Quality, RenderError, render};
+use sg_runtime::fault::Fault;
+use sg_scene::appearance::Appearance;
+use sg_scene::mask::Mask;
+use sg_scene::model::Scene;
+use sg_scene::view::View;
+
+/// Views without a number in the request.
+const USUAL_COUNT: u32 = 4;
+/// Most views in a reply.
+const MAX_COUNT: u32 = 32;
+/// Side of the pictures without a number in the request.
+const USUAL_PIXELS: u32 = 128;
+/// Sides of pictures.
+const PIXELS: std::ops::RangeInclusive<u32> = 32..=512;
+/// Most Gaussians whose ball is computed, evenly in the order of the scene.
+const SAMPLES: usize = 16_384;
+/// Least radius of a region, as a share of the longest edge of the scene.
+const LEAST_RADIUS: f64 = 1e-3;
+/// Extent of a Gaussian in standard deviations.
+const DEVIATIONS: f64 = 2.0;
+/// Least angle between two views of a reply, degrees.
+const APART: f64 = 30.0;
+
+/// What is asked of the views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewsOptions {
+    pub(crate) count: usize,
+    pub(crate) pixels: u32,
+    pub(crate) form: EntropyForm,
+}
+
+/// Why a region has no views.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum RegionViewsError {
+    /// A number of the request is out of range.
+    #[error("{0}")]
+    Request(String),
+    /// The region has no ball.
+    #[error(transparent)]
+    Region(#[from] RegionError),
+    /// The Gaussians could not be collected.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    /// No camera stands around the region.
+    #[error(transparent)]
+    Views(#[from] ViewsError),
+    /// A picture could not be drawn.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A picture is none.
+    #[error(transparent)]
+    Alpha(#[from] AlphaError),
+}
+
+impl From<RegionViewsError> for Fault {
+    fn from(error: RegionViewsError) -> Self {
+        match &error {
+            RegionViewsError::Request(_) => Self::invalid(error.to_string()),
+            RegionViewsError::Region(_) => Self::precondition(error.to_string()),
+            RegionViewsError::Edit(edit) => Self::new(edit.code(), error.to_string()).with_details(edit.details()),
+            _ => Self::new(Code::Internal, error.to_string()),
+        }
+    }
+}
+
+impl ViewsOptions {
+    /// The numbers of a request.
+    pub(crate) fn of(request: &labeling::ViewsRequest) -> Result<Self, RegionViewsError> {
+        let count = if request.count == 0 { USUAL_COUNT } else { request.count };
+        if count > MAX_COUNT {
+            return Err(RegionViewsError::Request(format!("{count} views are asked for; the limit is {MAX_COUNT}")));
+        }
+        let pixels = if request.pixels == 0 { USUAL_PIXELS } else { request.pixels };
+        if !PIXELS.contains(&pixels) {
+            let (least, most) = (PIXELS.start(), PIXELS.end());
+            let problem = format!("a side of {pixels} pixels is asked for; it must be {least} to {most}");
+            return Err(RegionViewsError::Request(problem));
+        }
+        let form = match request.form() {
+            labeling::EntropyForm::Unspecified | labeling::EntropyForm::Normalized => EntropyForm::Normalized,
+            labeling::EntropyForm::Literal => EntropyForm::Literal,
+        };
+        Ok(Self { count: count as usize, pixels, form })
+    }
+}
+
+/// A picture of the region alone.
+struct Measured {
+    entropy: f64,
+    literal: f64,
+    area: f64,
+    /// The sum of the opacities.
+    opacity: f64,
+}
+
+/// The views of some Gaussians of a state, of which `placed` is the placed scene. Hidden ones are drawn.
+///
+/// # Errors
+/// [`RegionViewsError`].
+pub(crate) fn region_views(
+    placed: &Scene,
+    state: &EditState,
+    members: &Mask,
+    options: ViewsOptions,
+) -> Result<labeling::ViewsReply, RegionViewsError> {
+    let start = Instant::now();
+    let alone = state.edited_placed(placed, members)?;
+    let region = ball(&alone, placed.bounds.longest_edge())?;
+    let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
+    let views = Sphere::default().views(&region, &frame)?;
+    let look = Appearance::of(&alone);
+    let pictures: Result<Vec<Measured>, RegionViewsError> =
+        views.iter().map(|view| measured(&alone, &look, view, options.pixels)).collect();
+    let pictures = pictures?;
+    let scores: Vec<f64> = pictures
+        .iter()
+        .map(|picture| match options.form {
+            EntropyForm::Normalized => picture.entropy,
+            EntropyForm::Literal => picture.literal,
+        })
+        .collect();
+    let among = marked(state, members);
+    let chosen = choose(&views, &scores, options.count, APART)?;
+    let found = chosen.into_iter().filter_map(|at| Some((views.get(at)?, pictures.get(at)?)));
+    let found: Result<Vec<labeling::RegionView>, RegionViewsError> = found
+        .map(|(view, alone)| {
+            let shown = render(placed, &among, &view.camera(options.pixels, options.pixels), Quality::Standard)?.image;
+            // The region is white and the rest is black.
+            let seen: f64 = shown.pixels().filter_map(|pixel| pixel.first()).map(|red| f64::from(*red)).sum();
+            let unhidden = if alone.opacity > 0.0 { (seen / alone.opacity).clamp(0.0, 1.0) } else { 0.0 };
+            Ok(labeling::RegionView {
+                view: Some(encode_view(view)),
+                entropy: alone.entropy,
+                literal_entropy: alone.literal,
+                visible_area: alone.area,
+                unhidden,
+            })
+        })
+        .collect();
+    Ok(labeling::ViewsReply {
+        views: found?,
+        measured: views.len() as u32,
+        center: Some(encode_vector(region.center)),
+        radius: region.radius,
+        tiny: region.is_tiny,
+        render_ms: start.elapsed().as_secs_f64() * 1e3,
+        revision: state.revision(),
+    })
+}
+
+/// The ball of the Gaussians of a scene.
+fn ball(scene: &Scene, edge: f64) -> Result<Region, RegionError> {
+    let step = scene.len().div_ceil(SAMPLES).max(1);
+    let (mut positions, mut weights, mut extents) = (Vec::new(), Vec::new(), Vec::new());
+    let all = scene.units.iter().flat_map(|unit| (0..unit.gaussians.len()).map(move |i| (unit, i)));
+    for (unit, i) in all.step_by(step) {
+        let stretch = unit.transform.determinant().abs().cbrt();
+        positions.push(unit.transform.transform_point3(unit.gaussians.position[i].as_dvec3()));
+        weights.push(f64::from(unit.gaussians.opacity(i) * unit.opacity));
+        extents.push(DEVIATIONS * stretch * f64::from(unit.gaussians.log_scale[i].max_element()).exp());
+    }
+    let least = LEAST_RADIUS * edge;
+    Region::of_gaussians(&positions, &weights, &extents, if least > 0.0 { least } else { f64::MIN_POSITIVE.sqrt() })
+}
+
+fn measured(scene: &Scene, look: &Appearance, view: &View, pixels: u32) -> Result<Measured, RegionViewsError> {
+    let image = render(scene, look, &view.camera(pixels, pixels), Quality::Standard)?.image;
+    let alpha: Vec<f32> = image.pixels().filter_map(|pixel| pixel.get(3).copied()).collect();
+    let picture = AlphaPicture::new(&alpha, pixels, pixels)?;
+    Ok(Measured {
+        entropy: picture.entropy(EntropyForm::Normalized),
+        literal: picture.entropy(EntropyForm::Literal),
+        area: picture.visible_area(),
+        opacity: alpha.iter().map(|a| f64::from(*a)).sum(),
+    })
+}
+
+/// The look of a state with some Gaussians white and all others black, on black.
+fn marked(state: &EditState, members: &Mask) -> Appearance {
+    let color = |i| if members.get(i) { Vec3::ONE } else { Vec3::ZERO };
+    let colors: Arc<[Vec3]> = (0..members.len()).map(color).collect();
+    Appearance { colors: Some(colors), background: Vec3::ZERO, overlay: None, ..state.appearance() }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and tells what it measured")]
+mod tests {
+    use glam::DVec3;
+    use sg_edit::UnitRef;
+    use sg_edit::wire::decode_view;
+    use sg_scene::synthetic::test_scene;
+
+    use super::*;
+
+    const USUAL: ViewsOptions = ViewsOptions { count: 4, pixels: 64, form: EntropyForm::Normalized };
+
+    fn views(scene: &Scene, members: &Mask, options: ViewsOptions) -> labeling::ViewsReply {
+        let state = EditState::of_scene(scene, "", "");
+        region_views(scene, &state, members, options).unwrap()
+    }
+
+    fn direction(found: &labeling::RegionView) -> DVec3 {
+        let view = decode_view(found.view.as_ref().unwrap()).unwrap();
+        (view.eye - view.target).normalize()
+    }
+
+    #[test]
+    fn a_flat_region_is_seen_from_its_flat_side() {
+        let mut scene = test_scene(&[("disk", 2000)]);
+        for position in &mut scene.units[0].gaussians.position {
+            position.y *= 1e-3;
+        }
+        for scale in &mut scene.units[0].gaussians.log_scale {
+            *scale = glam::Vec3::splat(scale.min_element());
+        }
+        for form in [EntropyForm::Normalized, EntropyForm::Literal] {
+            let found = views(&scene, &Mask::full(scene.len()), ViewsOptions { form, ..USUAL });
+            let up = direction(&found.views[0]).y.abs();
+            assert!(up > 0.7, "{form:?}: {up}, {found:?}");
+        }
+    }
+
+    #[test]
+    fn the_best_views_come_first_apart_and_always_the_same() {
+        let scene = test_scene(&[("bone", 300), ("skin", 900)]);
+        let state = EditState::of_scene(&scene, "", "");
+        let found = views(&scene, &state.members(UnitRef::Base(0)), USUAL);
+        assert_eq!(found.views.len(), 4);
+        assert!(found.views.windows(2).all(|pair| pair[0].entropy >= pair[1].entropy), "{found:?}");
+        let eyes: Vec<DVec3> = found.views.iter().map(direction).collect();
+        assert!(eyes[1..].iter().all(|eye| eye.angle_between(eyes[0]) > 0.25), "{eyes:?}");
+        let again = views(&scene, &state.members(UnitRef::Base(0)), USUAL);
+        assert_eq!(found.views, again.views);
+        let whole = views(&scene, &Mask::full(scene.len()), USUAL);
+        assert!(whole.views.iter().all(|found| found.unhidden > 0.97), "nothing hides the whole: {whole:?}");
+        assert!(found.views.iter().all(|view| (0.0..=1.0).contains(&view.unhidden)));
+    }
+
+    #[test]
+    fn tiny_regions_and_ties_have_views_and_empty_ones_an_error() {
+        let mut scene = test_scene(&[("dot", 3), ("skin", 900)]);
+        let edge = scene.bounds.longest_edge() as f32;
+        for i in 0..3 {
+            scene.units[0].gaussians.position[i] = glam::Vec3::ZERO;
+            scene.units[0].gaussians.log_scale[i] = glam::Vec3::splat((1e-6 * edge).ln());
+        }
+        let state = EditState::of_scene(&scene, "", "");
+        let found = views(&scene, &state.members(UnitRef::Base(0)), USUAL);
+        assert!(found.tiny && found.views.len() == 4 && found.radius > 0.0, "{found:?}");
+        let none = region_views(&scene, &state, &Mask::empty(scene.len()), USUAL);
+        assert!(matches!(none, Err(RegionViewsError::Region(RegionError::Empty))), "{none:?}");
+    }
+
+    #[test]
+    fn requests_out_of_range_are_refused() {
+        let of = |count, pixels| {
+            let request = labeling::ViewsRequest { count, pixels, ..labeling::ViewsRequest::default() };
+            ViewsOptions::of(&request).map_err(|e| e.to_string())
+        };
+        assert_eq!(of(0, 0).unwrap(), ViewsOptions { pixels: 128, ..USUAL });
+        assert!(of(33, 0).unwrap_err().contains("the limit is 32"));
+        assert!(of(1, 31).unwrap_err().contains("32 to 512") && of(1, 513).is_err());
+    }
+
+    #[test]
+    fn views_of_large_regions_take_what_drawing_takes() {
+        for count in [100, 1000, 10_000, 100_000] {
+            let scene = test_scene(&[("part", count), ("rest", count)]);
+            let state = EditState::of_scene(&scene, "", "");
+            let members = state.members(UnitRef::Base(0));
+            let mut best = labeling::ViewsReply { render_ms: f64::INFINITY, ..labeling::ViewsReply::default() };
+            for _ in 0..3 {
+                let found = views(&scene, &members, ViewsOptions { pixels: 128, ..USUAL });
+                if found.render_ms < best.render_ms {
+                    best = found;
+                }
+            }
+            println!("{count} Gaussians: {} views of 128 x 128 in {:.1} ms", best.measured, best.render_ms);
+            assert!(best.render_ms < 60_000.0);
+        }
+    }
+}
