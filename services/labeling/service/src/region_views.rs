@@ -201,8 +201,13 @@ fn marked(state: &EditState, members: &Mask) -> Appearance {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and tells what it measured")]
 mod tests {
+    #![allow(
+        clippy::unwrap_used,
+        clippy::print_stdout,
+        reason = "a test fails by panicking and tells what it measured"
+    )]
+
     use glam::DVec3;
     use sg_edit::UnitRef;
     use sg_edit::wire::decode_view;
@@ -229,7 +234,7 @@ mod tests {
             position.y *= 1e-3;
         }
         for scale in &mut scene.units[0].gaussians.log_scale {
-            *scale = glam::Vec3::splat(scale.min_element());
+            *scale = Vec3::splat(scale.min_element());
         }
         for form in [EntropyForm::Normalized, EntropyForm::Literal] {
             let found = views(&scene, &Mask::full(scene.len()), ViewsOptions { form, ..USUAL });
@@ -259,8 +264,8 @@ mod tests {
         let mut scene = test_scene(&[("dot", 3), ("skin", 900)]);
         let edge = scene.bounds.longest_edge() as f32;
         for i in 0..3 {
-            scene.units[0].gaussians.position[i] = glam::Vec3::ZERO;
-            scene.units[0].gaussians.log_scale[i] = glam::Vec3::splat((1e-6 * edge).ln());
+            scene.units[0].gaussians.position[i] = Vec3::ZERO;
+            scene.units[0].gaussians.log_scale[i] = Vec3::splat((1e-6 * edge).ln());
         }
         let state = EditState::of_scene(&scene, "", "");
         let found = views(&scene, &state.members(UnitRef::Base(0)), USUAL);
