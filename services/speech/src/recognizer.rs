@@ -29,7 +29,8 @@ pub struct RecognizedWord {
 pub struct Alternative {
     /// As it is written.
     pub text: String,
-    /// Log-likelihood beside the best one, at most 0; its scale depends on the recognizer.
+    /// Log-likelihood beside the best one; its scale depends on the recognizer. Above 0 for a text that is likelier than the expected
+    /// sentence that was accepted.
     pub score: f32,
 }
 

@@ -19,6 +19,9 @@ pub fn question(spoken: &str, candidates: &[Candidate]) -> String {
     if candidates.len() > MAX_LISTED {
         names.push(format!("{} more", candidates.len() - MAX_LISTED));
     }
+    if let ([only], 1) = (&names[..], candidates.len()) {
+        return format!("“{spoken}” may mean {only}. Say that name if you mean it.");
+    }
     format!("“{spoken}” may mean {}. Name one of them, or say “all” of them.", join_with(&names, "or"))
 }
 

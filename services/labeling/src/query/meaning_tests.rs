@@ -168,16 +168,16 @@ impl std::fmt::Display for Tally {
     }
 }
 
-/// Items of an answer; several are ambiguous.
-fn answer(outcome: &Outcome) -> Vec<usize> {
-    let ranked = match outcome {
-        Outcome::Match { items } => items,
-        Outcome::Ambiguous { candidates } => candidates,
-        Outcome::NothingMatches { .. } => return Vec::new(),
+/// Items of an answer, and whether it is a question about them. Several are ambiguous.
+fn answer(outcome: &Outcome) -> (Vec<usize>, bool) {
+    let (ranked, is_question) = match outcome {
+        Outcome::Match { items } => (items, false),
+        Outcome::Ambiguous { candidates } => (candidates, true),
+        Outcome::NothingMatches { .. } => return (Vec::new(), false),
     };
     let mut items: Vec<usize> = ranked.iter().map(|r| r.item).collect();
     items.sort_unstable();
-    items
+    (items, is_question)
 }
 
 /// What an encoder says without any words: the best item, or nothing.
@@ -215,21 +215,29 @@ fn units_are_found_by_meaning() {
     for case in &cases {
         let (scene, meaning) = of(case);
         let outcome = scene.find_by(case.query, Some(meaning));
-        let answers = [answer(&scene.find(case.query)), by_encoder(alone, meaning, case.query), answer(&outcome)];
-        for (method, found) in methods.into_iter().zip(answers) {
+        let by_encoder = (by_encoder(alone, meaning, case.query), false);
+        let answers = [answer(&scene.find(case.query)), by_encoder, answer(&outcome)];
+        for (method, (found, is_question)) in methods.into_iter().zip(answers) {
             let half = usize::from(!case.is_fitted);
-            let right = found == case.expected;
+            // A question about a single unit is no answer.
+            let right = found == case.expected && !(is_question && found.len() == 1);
             for kind in [case.kind, "all"] {
                 kinds.entry((kind, method)).or_default()[half].count(right);
             }
             if !case.expected.is_empty() {
                 // What a person would have acted on, though it was not meant.
-                let is_wrong_unit = found.len() == 1 && !right;
+                let is_wrong_unit = found.len() == 1 && !is_question && !right;
                 kinds.entry(("another unit", method)).or_default()[half].count(is_wrong_unit);
             } else {
-                kinds.entry(("false match", method)).or_default()[half].count(!right);
+                kinds.entry(("false match", method)).or_default()[half].count(!right && !is_question);
+                kinds.entry(("question about nothing", method)).or_default()[half].count(is_question);
             }
-            if method != "words" && !right && found.len() > 1 && case.expected.iter().all(|at| found.contains(at)) {
+            if method != "words"
+                && !right
+                && is_question
+                && !case.expected.is_empty()
+                && case.expected.iter().all(|at| found.contains(at))
+            {
                 kinds.entry(("question with the unit", method)).or_default()[half].count(true);
             }
             if method == "both"

@@ -6,6 +6,8 @@ use crate::relation::{Evidence, Relation};
 
 /// Least score of a match. Below it a query matches nothing.
 pub const THRESHOLD: f64 = 0.5;
+/// Least score of a single match that a meaning speaks for. Below it the text may mean the item, which is a question.
+pub const SURE_MEANING: f64 = 0.7;
 /// Least lead of a single match over the next one. With less the query is ambiguous.
 pub const LEAD: f64 = 0.07;
 /// Most that a score may lie below the best one where a text means several units.
@@ -66,9 +68,9 @@ pub enum Outcome {
         /// At least one item.
         items: Vec<Ranked>,
     },
-    /// One of these items; the text does not say which.
+    /// One of these items; the text does not say which. A single one is likely by its meaning, and not sure.
     Ambiguous {
-        /// At least two items, the best first.
+        /// At least one item, the best first.
         candidates: Vec<Ranked>,
     },
     /// No item is likely enough.

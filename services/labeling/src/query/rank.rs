@@ -4,7 +4,7 @@ use crate::attributes::judge::{FITS, Looks};
 use crate::attributes::quality::{self, Constraint, Look};
 use crate::lexical::{Index, LexicalMatch};
 use crate::meaning::{CALIBRATION, Cosines, LabelCosines};
-use crate::query::outcome::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
+use crate::query::outcome::{LEAD, Outcome, Ranked, SPREAD, SURE_MEANING, THRESHOLD, Why};
 use crate::query::parse::{Group, Number, Query, parse};
 
 /// Least score of a noun for an item to be judged by its look.
@@ -99,8 +99,9 @@ fn outcome(ranked: Vec<Ranked>, query: &Query, index: &Index) -> Outcome {
         Number::One => best - LEAD,
     };
     let found: Vec<Ranked> = ranked.into_iter().filter(|r| r.score >= least.max(THRESHOLD)).collect();
+    let is_unsure = |found: &Ranked| found.meaning.is_some() && found.score < SURE_MEANING;
     match query.number {
-        Number::One if found.len() > 1 => Outcome::Ambiguous { candidates: found },
+        Number::One if found.len() > 1 || found.iter().any(is_unsure) => Outcome::Ambiguous { candidates: found },
         _ => Outcome::Match { items: found },
     }
 }

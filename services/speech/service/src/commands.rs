@@ -15,6 +15,9 @@ const WELL_HEARD: f32 = 0.6;
 /// Least log-likelihood of another text beside the best one that may be a command.
 const LIKELY: f32 = -4.0;
 
+/// Log-likelihood from which another text is clearly likelier than an expected sentence that was accepted.
+const LIKELIER: f32 = 3.0;
+
 /// What people say for yes and no.
 const YES: [&str; 5] = ["yes", "yes please", "yes do it", "confirm", "go ahead"];
 const NO: [&str; 5] = ["no", "no thanks", "no don't", "cancel", "never mind"];
@@ -42,9 +45,15 @@ pub(crate) fn understood(text: &str, state: &State) -> Option<Intent> {
 }
 
 /// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well. So is
-/// another text that is nearly as likely: the sense decides between them. With `any_text`, all text is accepted.
+/// another text that is nearly as likely: the sense decides between them. It also takes the place of an expected sentence that is
+/// clearly less likely. With `any_text`, all text is accepted.
 pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool) -> Recognition {
-    if heard.accepted || heard.text.is_empty() || any_text {
+    if heard.accepted {
+        let likelier = heard.alternatives.iter().filter(|other| other.score >= LIKELIER);
+        let text = likelier.map(|other| &other.text).find(|text| understood(text, state).is_some()).cloned();
+        return Recognition { text: text.unwrap_or_else(|| heard.text.clone()), ..heard };
+    }
+    if heard.text.is_empty() || any_text {
         return Recognition { accepted: !heard.text.is_empty(), ..heard };
     }
     let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| &other.text);
@@ -74,6 +83,8 @@ pub(crate) fn answer(text: &str) -> Option<bool> {
 
 #[cfg(test)]
 mod tests {
+    use sg_speech::recognizer::Alternative;
+
     use super::*;
 
     fn scene(names: &[&str]) -> State {
@@ -111,6 +122,34 @@ mod tests {
             }
         }
         assert!(wrong.is_empty(), "{}\n{}", wrong.len(), wrong.join("\n"));
+    }
+
+    #[test]
+    fn the_sense_decides_between_texts_that_are_nearly_as_likely() {
+        let state = scene(&["sac", "bone"]);
+        let heard = |text: &str, accepted, others: &[(&str, f32)]| {
+            let alternatives =
+                others.iter().map(|(text, score)| Alternative { text: (*text).to_owned(), score: *score });
+            let (text, alternatives) = (text.to_owned(), alternatives.collect());
+            let heard = Recognition { text, accepted, alternatives, confidence: 0.8, ..Recognition::default() };
+            let heard = with_acceptance(heard, &state, false);
+            (heard.accepted, heard.text)
+        };
+        let owned = |accepted, text: &str| (accepted, text.to_owned());
+        let free = [("Hide the suck", -0.5), ("hide the sac", -2.0)];
+        assert_eq!(heard("hide the sack of rice", false, &free), owned(true, "hide the sac"));
+        assert_eq!(
+            heard("hide the sack of rice", false, &[("hide the sac", -9.0)]),
+            owned(false, "hide the sack of rice")
+        );
+        // What a person says in other words is no worse than an expected sentence.
+        let free = [("Bring the bone back.", 8.0), ("Bring the bone bag.", 6.0)];
+        assert_eq!(heard("put the bone back", true, &free), owned(true, "Bring the bone back."));
+        assert_eq!(
+            heard("put the bone back", true, &[("Bring the bone back.", 1.0)]),
+            owned(true, "put the bone back")
+        );
+        assert_eq!(heard("put the bone back", true, &[("What a nice day.", 9.0)]), owned(true, "put the bone back"));
     }
 
     #[test]

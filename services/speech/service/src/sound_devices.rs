@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use cpal::traits::{DeviceTrait as _, HostTrait as _, StreamTrait as _};
@@ -17,7 +17,7 @@ const QUEUE: usize = 256;
 const RETRY: Duration = Duration::from_secs(1);
 /// Most sound that waits for a loudspeaker, so that a stop is heard soon.
 const LEAD: Duration = Duration::from_millis(120);
-/// Longest time in which a loudspeaker takes no sample.
+/// Longest time in which a microphone gives no sample, or a loudspeaker takes none. Systems tell not every device that is gone.
 const STUCK: Duration = Duration::from_secs(3);
 
 fn problem(name: Option<&str>, what: impl std::fmt::Display) -> AudioError {
@@ -74,6 +74,8 @@ pub(crate) struct DeviceSource {
 
 struct OpenInput {
     blocks: Receiver<Result<Vec<f32>, String>>,
+    /// When the last block came.
+    heard: Instant,
     _stream: Stream,
 }
 
@@ -99,7 +101,7 @@ fn open_input(name: Option<&str>) -> Result<(OpenInput, u32), AudioError> {
         _ => listen::<f32>(&device, &config, sender),
     };
     let stream = stream.and_then(|stream| stream.play().map(|()| stream)).map_err(|e| problem(name, e))?;
-    Ok((OpenInput { blocks, _stream: stream }, config.sample_rate()))
+    Ok((OpenInput { blocks, heard: Instant::now(), _stream: stream }, config.sample_rate()))
 }
 
 fn listen<T>(
@@ -128,7 +130,7 @@ impl AudioSource for DeviceSource {
     }
 
     fn read(&mut self, wait: Duration) -> Result<Block, AudioError> {
-        let Some(open) = &self.open else {
+        let Some(open) = &mut self.open else {
             if self.tried.elapsed() < RETRY {
                 std::thread::sleep(wait);
                 return Ok(Block::Silent);
@@ -146,20 +148,19 @@ impl AudioSource for DeviceSource {
             }
             return Ok(Block::Silent);
         };
-        match open.blocks.recv_timeout(wait) {
-            Ok(Ok(block)) if block.is_empty() => Ok(Block::Silent),
-            Ok(Ok(block)) => Ok(Block::Samples(block)),
-            Err(RecvTimeoutError::Timeout) => Ok(Block::Silent),
-            Ok(Err(lost)) => {
-                tracing::warn!(device = self.name, lost, "the microphone is lost; it is looked for every second");
-                (self.open, self.tried) = (None, Instant::now());
-                Ok(Block::Silent)
+        let lost = match open.blocks.recv_timeout(wait) {
+            Ok(Ok(block)) => {
+                open.heard = Instant::now();
+                return Ok(if block.is_empty() { Block::Silent } else { Block::Samples(block) });
             }
-            Err(RecvTimeoutError::Disconnected) => {
-                (self.open, self.tried) = (None, Instant::now());
-                Ok(Block::Silent)
-            }
-        }
+            Err(RecvTimeoutError::Timeout) if open.heard.elapsed() < STUCK => return Ok(Block::Silent),
+            Err(RecvTimeoutError::Timeout) => "it gives no sound".to_owned(),
+            Err(RecvTimeoutError::Disconnected) => "its stream has ended".to_owned(),
+            Ok(Err(lost)) => lost,
+        };
+        tracing::warn!(device = self.name, lost, "the microphone is lost; it is looked for every second");
+        (self.open, self.tried) = (None, Instant::now());
+        Ok(Block::Silent)
     }
 }
 
@@ -168,6 +169,8 @@ pub(crate) struct DeviceSink {
     name: Option<String>,
     rate: u32,
     waiting: Arc<Mutex<VecDeque<f32>>>,
+    /// Why it has failed. A device that is gone reports that again and again.
+    failed: Arc<OnceLock<String>>,
     _stream: Stream,
 }
 
@@ -180,14 +183,20 @@ impl DeviceSink {
         let device = find(name, Way::Out)?;
         let config = device.default_output_config().map_err(|e| problem(name, e))?;
         let waiting: Arc<Mutex<VecDeque<f32>>> = Arc::default();
+        let failed: Arc<OnceLock<String>> = Arc::default();
+        let lost = {
+            let failed = Arc::clone(&failed);
+            // Only the first cause counts.
+            move |error: cpal::Error| drop(failed.set(error.to_string()))
+        };
         let stream = match config.sample_format() {
-            SampleFormat::I16 => play::<i16>(&device, &config, Arc::clone(&waiting)),
-            SampleFormat::I32 => play::<i32>(&device, &config, Arc::clone(&waiting)),
-            SampleFormat::U8 => play::<u8>(&device, &config, Arc::clone(&waiting)),
-            _ => play::<f32>(&device, &config, Arc::clone(&waiting)),
+            SampleFormat::I16 => play::<i16>(&device, &config, Arc::clone(&waiting), lost),
+            SampleFormat::I32 => play::<i32>(&device, &config, Arc::clone(&waiting), lost),
+            SampleFormat::U8 => play::<u8>(&device, &config, Arc::clone(&waiting), lost),
+            _ => play::<f32>(&device, &config, Arc::clone(&waiting), lost),
         };
         let stream = stream.and_then(|stream| stream.play().map(|()| stream)).map_err(|e| problem(name, e))?;
-        Ok(Self { name: name.map(str::to_owned), rate: config.sample_rate(), waiting, _stream: stream })
+        Ok(Self { name: name.map(str::to_owned), rate: config.sample_rate(), waiting, failed, _stream: stream })
     }
 
     fn waiting(&self) -> std::sync::MutexGuard<'_, VecDeque<f32>> {
@@ -198,6 +207,9 @@ impl DeviceSink {
     fn wait_for(&self, most: usize) -> Result<(), AudioError> {
         let (mut left, mut moved) = (usize::MAX, Instant::now());
         loop {
+            if let Some(failed) = self.failed.get() {
+                return Err(problem(self.name.as_deref(), failed));
+            }
             let now = self.waiting().len();
             if now <= most {
                 return Ok(());
@@ -216,6 +228,7 @@ fn play<T>(
     device: &Device,
     config: &SupportedStreamConfig,
     waiting: Arc<Mutex<VecDeque<f32>>>,
+    lost: impl FnMut(cpal::Error) + Send + 'static,
 ) -> Result<Stream, cpal::Error>
 where
     T: SizedSample + FromSample<f32>,
@@ -227,7 +240,6 @@ where
             frame.fill(T::from_sample(waiting.pop_front().unwrap_or_default()));
         }
     };
-    let lost = |error: cpal::Error| tracing::warn!(%error, "the loudspeaker has failed");
     device.build_output_stream(config.config(), fill, lost, None)
 }
 

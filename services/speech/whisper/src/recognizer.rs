@@ -134,11 +134,14 @@ impl Recognizer for WhisperRecognizer {
         let expected = found.best.filter(|_| !accepted).and_then(|best| {
             Some(Alternative { text: phrases.sentences().get(best.sentence)?.clone(), score: best.ratio.min(0.0) })
         });
+        // The ratio of an accepted sentence is that to the best free text.
+        let lead = found.best.filter(|_| accepted).map_or(0.0, |best| -best.ratio);
         let free = found.free.others.iter().map(|other| Alternative {
             text: unrepeated(&other.text),
-            score: (other.log_probability - found.free.log_probability).min(0.0),
+            score: lead + (other.log_probability - found.free.log_probability).min(0.0),
         });
-        let mut alternatives: Vec<Alternative> = free.chain(expected).collect();
+        let best_free = accepted.then(|| Alternative { text: unrepeated(&found.free.text), score: lead });
+        let mut alternatives: Vec<Alternative> = best_free.into_iter().chain(free).chain(expected).collect();
         alternatives.sort_by(|a, b| b.score.total_cmp(&a.score));
         let mean = match (found.best, found.source) {
             (Some(best), Source::Command(at)) => {
