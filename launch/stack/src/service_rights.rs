@@ -79,6 +79,9 @@ const SOUND_SOCKETS: [&str; 3] = ["pipewire-0", "pipewire-0.lock", "pulse"];
 const SOUND_SETTINGS: [&str; 4] = [".asoundrc", ".config/alsa", ".config/pipewire", ".config/pulse"];
 /// Folder below the user's cache with models of speech and of sentences.
 const MODELS: &str = "supergaussian/models";
+/// Ports of addresses that name none.
+const HTTP_PORT: u16 = 80;
+const HTTPS_PORT: u16 = 443;
 /// Port of an OpenTelemetry collector whose address names none.
 const COLLECTOR_PORT: u16 = 4317;
 /// First TCP port of X11 displays.
@@ -308,8 +311,8 @@ impl Process<'_> {
         cache.map(|cache| cache.join(MODELS)).filter(|models| models.is_dir())
     }
 
-    /// Connections by TCP: agents reach language models, and everyone the collector of traces and a node's home. Programs of
-    /// unknown roles may connect anywhere.
+    /// Connections by TCP: agents reach language models, speech its servers, and everyone the collector of traces and a node's home.
+    /// Programs of unknown roles may connect anywhere.
     fn network(&self, rights: &mut Rights) {
         const LOCAL: [&str; 6] =
             [role::SCENE, role::SELECTION, role::LABELING, role::SPEECH, role::RENDER_VIEW, role::RENDER_CAPTURE];
@@ -324,6 +327,9 @@ impl Process<'_> {
         if self.link.is_remote() {
             ports.extend(port_of(&self.link.endpoint));
         }
+        if self.role == role::SPEECH {
+            ports.extend(["recognizer", "synthesizer"].into_iter().filter_map(|backend| self.speech_server(backend)));
+        }
         if self.role == role::RENDER_VIEW
             && let Some(display) = self.variable("DISPLAY")
             && let Some((host, screen)) = display.to_string_lossy().rsplit_once(':')
@@ -333,6 +339,20 @@ impl Process<'_> {
             ports.extend(X11_PORT.checked_add(number));
         }
         rights.connect = Some(ports);
+    }
+
+    /// The port of the server that hears or speaks, if there is one.
+    fn speech_server(&self, backend: &str) -> Option<u16> {
+        let kind = self.params.get(backend)?.as_str()?;
+        let server = self.params.get(format!("{backend}_server"));
+        let endpoint = server.and_then(|server| server.get("endpoint")?.as_str()).unwrap_or_default();
+        match kind {
+            "openai" | "grpc" if endpoint.starts_with("unix:") => None,
+            "openai" | "grpc" if endpoint.starts_with("http://") => Some(port_of(endpoint).unwrap_or(HTTP_PORT)),
+            // OpenAI's own endpoint has no parameter.
+            "openai" | "grpc" => Some(port_of(endpoint).unwrap_or(HTTPS_PORT)),
+            _ => None,
+        }
     }
 
     /// Sound devices, with the settings and the sockets of the sound servers.

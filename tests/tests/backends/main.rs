@@ -13,8 +13,13 @@ use std::process::Command;
 
 use programs::Program;
 use serde_json::Value;
+use sg_proto::keys::{self, role};
+use sg_proto::speech::SpeakRequest;
+use sg_runtime::process::block_on;
+use sg_speech::audio::wav::{MAX_DURATION, read_wav};
 use sg_tests::executable;
 use sg_tests::stack::Stack;
+use sg_tests::until::soon;
 
 /// Sends an utterance: the answer as JSON, with the stages it went through.
 fn say(stack: &Stack, text: &str) -> Value {
@@ -213,6 +218,24 @@ fn a_program_in_python_speaks_and_hears() {
     assert_eq!(spoken.0, Some(0), "{spoken:?}");
     let heard = run(&["listen", sound, "--recognizer", "grpc", "--unit", "sac", "--unit", "vessel"]);
     assert_eq!((heard.0, heard.1[0].as_str()), (Some(0), "command\t1.00\thide the vessel\n"), "{heard:?}");
+    // The service itself may reach the program, and nothing else.
+    let reply = folder.path().join("reply.wav");
+    let settings = [
+        set("speech", "output", &reply.display().to_string()),
+        set("speech", "synthesizer", "grpc"),
+        set("speech", "synthesizer_server.endpoint", &endpoint),
+    ];
+    let stack = Stack::up_with(&settings).unwrap();
+    let text = "The vessel is hidden.".to_owned();
+    let said = block_on(async {
+        let cli = stack.join(role::CLI).await.unwrap();
+        cli.ask(&keys::SPEECH_SPEAK, &SpeakRequest { text }, &soon()).await.unwrap()
+    })
+    .unwrap();
+    assert!(said.sentences == 1 && !said.stopped && said.first_sound_ms.is_some(), "{said:?}");
+    let length = read_wav(&reply, MAX_DURATION).unwrap().duration();
+    assert!(length.as_secs_f64() > 0.5, "{length:?}");
+    drop(stack);
     drop(program);
     let silent = run(&["speak", "hide it", "--out", sound, "--synthesizer", "grpc"]);
     assert!(silent.0 == Some(2) && silent.1[1].starts_with("error: `grpc` at http://127.0.0.1:"), "{silent:?}");

@@ -235,7 +235,7 @@ fn a_pressed_stick_goes_home_or_keeps_a_picture() {
 fn the_other_hand_s_second_button_talks_while_a_microphone_waits_for_it() {
     let scene = Arc::new(row_of_gaussians(6));
     let mut room = Room::new(&scene, after_steps(&scene, vec![stroke(StrokeMode::Point)]));
-    let mut held = |room: &mut Room, frames: usize| {
+    let held = |room: &mut Room, frames: usize| {
         let hand = |secondary| HandInput { secondary, ..HandInput::default() };
         let down = (0..frames).map(|_| true).chain([false]);
         let frames: Vec<InteractionOutput> =

@@ -7,7 +7,7 @@ use crate::relation::{Evidence, Relation};
 /// Least score of a match. Below it a query matches nothing.
 pub const THRESHOLD: f64 = 0.5;
 /// Least score of a single match that a meaning speaks for. Below it the text may mean the item, which is a question.
-pub const SURE_MEANING: f64 = 0.7;
+pub(super) const SURE_MEANING: f64 = 0.7;
 /// Least lead of a single match over the next one. With less the query is ambiguous.
 pub const LEAD: f64 = 0.07;
 /// Most that a score may lie below the best one where a text means several units.

@@ -10,7 +10,7 @@ use sg_speech::recognizer::Recognition;
 use sg_speech::spoken;
 
 /// Confidence from which free text may be a command.
-const WELL_HEARD: f32 = 0.6;
+const WELL_HEARD: f32 = 0.5;
 
 /// Least log-likelihood of another text beside the best one that may be a command.
 const LIKELY: f32 = -4.0;

@@ -1,7 +1,7 @@
 //! Recognizers and synthesizers in other programs, on this machine or another one.
 //!
-//! What is heard leaves this process only for the endpoint that the launch file names: samples, names of units and expected
-//! sentences to a recognizer, replies to a synthesizer.
+//! Data leave this process only for the endpoints that the launch file names. A recognizer gets samples, names of units and
+//! expected sentences. A synthesizer gets replies.
 
 mod grpc;
 mod openai;
