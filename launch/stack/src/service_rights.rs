@@ -346,13 +346,7 @@ impl Process<'_> {
         let kind = self.params.get(backend)?.as_str()?;
         let server = self.params.get(format!("{backend}_server"));
         let endpoint = server.and_then(|server| server.get("endpoint")?.as_str()).unwrap_or_default();
-        match kind {
-            "openai" | "grpc" if endpoint.starts_with("unix:") => None,
-            "openai" | "grpc" if endpoint.starts_with("http://") => Some(port_of(endpoint).unwrap_or(HTTP_PORT)),
-            // OpenAI's own endpoint has no parameter.
-            "openai" | "grpc" => Some(port_of(endpoint).unwrap_or(HTTPS_PORT)),
-            _ => None,
-        }
+        if matches!(kind, "openai" | "grpc") { server_port(endpoint) } else { None }
     }
 
     /// Sound devices, with the settings and the sockets of the sound servers.
@@ -498,6 +492,14 @@ fn library_of(description: &Path) -> Option<PathBuf> {
     std::fs::canonicalize(path).ok()?.parent().map(Path::to_owned)
 }
 
+/// The port of a server of speech; none for a socket. OpenAI's own endpoint is an empty text.
+fn server_port(endpoint: &str) -> Option<u16> {
+    let (scheme, rest) = endpoint.split_once("://").unwrap_or_default();
+    let authority = rest.split('/').next().unwrap_or_default();
+    let usual = if scheme.eq_ignore_ascii_case("http") { HTTP_PORT } else { HTTPS_PORT };
+    (!endpoint.starts_with("unix:")).then(|| port_of(authority).unwrap_or(usual))
+}
+
 /// The port of an address such as `http://host:4317` or `tls/host:7447`.
 fn port_of(address: &str) -> Option<u16> {
     let rest = address.split_once("://").map_or(address, |(_, rest)| rest);
@@ -507,4 +509,25 @@ fn port_of(address: &str) -> Option<u16> {
 /// Makes a folder for this user alone.
 fn make_folder(folder: &Path) -> io::Result<()> {
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn servers_of_speech_have_ports() {
+        for (endpoint, port) in [
+            ("", Some(443)),
+            ("https://api.example.com/v1", Some(443)),
+            ("https://host/v1/model:8080", Some(443)),
+            ("http://127.0.0.1:8000/v1", Some(8000)),
+            ("HTTP://127.0.0.1", Some(80)),
+            ("http://[::1]:9/v1", Some(9)),
+            ("unix:/run/speech.sock", None),
+            ("unix:///run/speech.sock", None),
+        ] {
+            assert_eq!(server_port(endpoint), port, "{endpoint}");
+        }
+    }
 }

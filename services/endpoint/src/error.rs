@@ -1,4 +1,4 @@
-//! What can go wrong with a client and its requests.
+//! Errors of clients and requests.
 
 use std::error::Error;
 use std::time::Duration;

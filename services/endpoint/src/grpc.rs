@@ -14,12 +14,10 @@ use tonic::{Code, Request, Status};
 use tonic_prost::ProstCodec;
 use tower::service_fn;
 
+use crate::CONNECT;
 use crate::address::Endpoint;
 use crate::api_key::ApiKey;
 use crate::error::{CallError, ClientError, error_chain, one_line};
-
-/// Longest wait for a connection.
-const CONNECT: Duration = Duration::from_secs(5);
 
 /// A client of one gRPC endpoint.
 pub struct GrpcClient {
@@ -80,10 +78,9 @@ impl GrpcClient {
     }
 
     fn error(&self, status: &Status, timeout: Duration) -> CallError {
-        let mut text = one_line(&format!("{:?}: {}", status.code(), status.message()));
-        if let Some(key) = &self.key {
-            text = key.redact(&text);
-        }
+        let text = format!("{:?}: {}", status.code(), status.message());
+        // Redacted before it is cut, so that no part of a key is left.
+        let text = one_line(&self.key.as_ref().map_or_else(|| text.clone(), |key| key.redact(&text)));
         match status.code() {
             // Overload, shutdown and internal errors are transient.
             Code::Unavailable | Code::ResourceExhausted | Code::Aborted | Code::Internal | Code::Unknown => {

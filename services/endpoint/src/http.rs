@@ -1,19 +1,15 @@
 //! HTTP client for servers that speak OpenAI's protocols.
 
-use std::time::Duration;
-
 use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderValue};
 use reqwest::multipart::{self, Form};
 use reqwest::redirect::Policy;
 use reqwest::{RequestBuilder, Url};
 use serde_json::Value;
 
+use crate::CONNECT;
 use crate::address::Endpoint;
 use crate::api_key::ApiKey;
 use crate::error::{CallError, ClientError, error_chain, one_line};
-
-/// Longest wait for a connection.
-const CONNECT: Duration = Duration::from_secs(5);
 
 /// A client of one HTTP endpoint.
 pub struct HttpClient {
@@ -116,7 +112,8 @@ impl HttpClient {
 
     /// The error in the body of an answer with another status.
     fn error(&self, status: u16, body: &[u8]) -> CallError {
-        let text = self.redacted(&status_text(status, body));
+        // Redacted before it is cut, so that no part of a key is left.
+        let text = one_line(&self.redacted(&status_text(status, body)));
         // Timeouts, rate limits and server errors are transient.
         let is_transient = status == 408 || status == 429 || status >= 500;
         if is_transient { CallError::Unavailable(text) } else { CallError::Refused(text) }
@@ -135,7 +132,7 @@ fn status_text(status: u16, body: &[u8]) -> String {
         let error = b.get("error")?;
         error.get("message").unwrap_or(error).as_str()
     });
-    let message = message.map_or_else(String::new, |m| format!(": {}", one_line(m)));
+    let message = message.map_or_else(String::new, |m| format!(": {m}"));
     format!("status {status}{message}")
 }
 

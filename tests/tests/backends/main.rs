@@ -218,7 +218,7 @@ fn a_program_in_python_speaks_and_hears() {
     assert_eq!(spoken.0, Some(0), "{spoken:?}");
     let heard = run(&["listen", sound, "--recognizer", "grpc", "--unit", "sac", "--unit", "vessel"]);
     assert_eq!((heard.0, heard.1[0].as_str()), (Some(0), "command\t1.00\thide the vessel\n"), "{heard:?}");
-    // The service itself may reach the program, and nothing else.
+    // The confined service may reach the program.
     let reply = folder.path().join("reply.wav");
     let settings = [
         set("speech", "output", &reply.display().to_string()),

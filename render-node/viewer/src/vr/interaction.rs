@@ -90,7 +90,7 @@ pub struct Interaction {
     triggers: [Switch; 2],
     buttons: [Buttons; 2],
     /// The second button of the hand that takes away.
-    talk: PushToTalk,
+    push_to_talk: PushToTalk,
     samples: [Option<BrushSample>; 2],
     hits: [usize; 2],
     /// The last walk under the stick of the hand that adds.
@@ -117,7 +117,7 @@ impl Interaction {
             brushes: [hand("left"), hand("right")],
             triggers: [Switch::default(); 2],
             buttons: [Buttons::default(); 2],
-            talk: PushToTalk::default(),
+            push_to_talk: PushToTalk::default(),
             samples: [None; 2],
             hits: [0; 2],
             drag: ParameterDrag::default(),
@@ -198,14 +198,19 @@ impl Interaction {
         }
         let k = adds.other().index();
         output.jumped |= self.travel(&hands[k], captured.triggers[k] || captured.grips[k], (head, seconds), tools);
-        let talks = self.talk.step(hands[k].secondary, state.waits_to_talk(), seconds);
-        output.requests.extend(talks.control.map(Request::Speech));
-        output.panels |= talks.tapped;
+        let button = self.push_to_talk.step(hands[k].secondary, state.waits_to_talk(), seconds);
+        output.requests.extend(button.control.map(Request::Speech));
+        output.panels |= button.tapped;
         for side in Side::BOTH {
             self.press(side, &hands[side.index()], tools, state, &mut output);
             self.brush(side, &hands[side.index()], captured, tools, state, &mut output);
         }
         output
+    }
+
+    /// Ends talking by a held button, where hands give no input any more.
+    pub(super) fn stop_talking(&mut self) -> Option<Request> {
+        self.push_to_talk.interrupt().map(Request::Speech)
     }
 
     /// Has the person fly or jump by the stick of the hand that takes away. Returns whether they jumped.

@@ -270,6 +270,12 @@ impl VrView {
             FrameOutcome::Away => self.eyes = None,
             FrameOutcome::Shown | FrameOutcome::Back | FrameOutcome::Ended => {}
         }
+        // Hands give no input where nothing is shown, so a button that is held there is never released.
+        if step != FrameOutcome::Shown
+            && let Some(request) = self.interaction.stop_talking()
+        {
+            self.view_port.send(request);
+        }
         let is_drawn = self.pictures() > pictures;
         self.record(step, headset, is_drawn);
         Ok(step)

@@ -62,9 +62,9 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let path = host.scene_path(&geometry.path, &geometry.hash, &newest.context).await?;
     let file = tokio::task::block_in_place(|| load_verified(&path, &geometry.hash));
     let file = file.map_err(|e| StartError::Input(e.to_string()))?;
-    let file = Arc::new(file);
-    let viewer = Viewer::new(scene.clone(), PlacedScene::new(Arc::clone(&file)));
-    let units = MeasuredUnits::new(PlacedScene::new(file));
+    let placed = PlacedScene::new(Arc::new(file));
+    let viewer = Viewer::new(scene.clone(), placed.clone());
+    let units = MeasuredUnits::new(placed);
     let method = if encoder.is_some() { BY_MEANING } else { BY_WORDS };
     let labels = watch::Sender::new(Vec::new());
     if let Some(encoder) = &encoder {

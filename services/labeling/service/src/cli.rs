@@ -100,7 +100,11 @@ fn find(units: &Units, text: &str, encoder: &EncoderChoice) -> Result<ExitCode, 
         }
         Outcome::Ambiguous { candidates } => {
             lines(&candidates)?;
-            print::status("ambiguous: the text may mean any of these units; add a word that tells them apart");
+            print::status(if candidates.len() == 1 {
+                "not sure: the text may mean this unit; say its name if it does"
+            } else {
+                "ambiguous: the text may mean any of these units; add a word that tells them apart"
+            });
         }
         Outcome::NothingMatches { why, .. } => print::status(&format!("nothing matches: {why}")),
     }

@@ -66,6 +66,11 @@ fn usual_model() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
+/// The labels whose embeddings are kept. Words alone speak for the others.
+fn kept(labels: &[String]) -> &[String] {
+    labels.get(..MAX_LABELS.get()).unwrap_or(labels)
+}
+
 impl LabelEncoder {
     /// The encoder that a parameter chooses. `None` without one.
     ///
@@ -91,11 +96,14 @@ impl LabelEncoder {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The labels that have no embedding yet, each once, in their order.
-    fn unknown<'l>(&self, labels: &'l [String]) -> Vec<&'l str> {
+    /// The first `most` labels that have no embedding yet, each once, in their order.
+    fn unknown<'l>(&self, labels: &'l [String], most: usize) -> Vec<&'l str> {
         let known = self.known();
         let mut unknown: Vec<&str> = Vec::new();
         for label in labels.iter().filter(|label| !label.trim().is_empty() && label.len() <= MAX_LABEL_BYTES) {
+            if unknown.len() == most {
+                break;
+            }
             if !known.contains(label) && !unknown.contains(&label.as_str()) {
                 unknown.push(label);
             }
@@ -105,12 +113,13 @@ impl LabelEncoder {
 
     fn encode(&self, labels: &[&str]) -> Result<(), EncoderError> {
         // Without a dictionary a label has no description.
-        let told: Vec<Option<String>> = labels.iter().map(|label| described(label).ok().flatten()).collect();
-        let texts: Vec<&str> = labels.iter().copied().chain(told.iter().flatten().map(String::as_str)).collect();
+        let descriptions: Vec<Option<String>> = labels.iter().map(|label| described(label).ok().flatten()).collect();
+        let texts: Vec<&str> =
+            labels.iter().copied().chain(descriptions.iter().flatten().map(String::as_str)).collect();
         let mut encoded = self.encoder.encode_texts(&texts)?.into_iter();
         let mut own: Vec<Vec<Embedding>> = encoded.by_ref().take(labels.len()).map(|own| vec![own]).collect();
-        for (embeddings, told) in own.iter_mut().zip(&told) {
-            if told.is_some() {
+        for (embeddings, description) in own.iter_mut().zip(&descriptions) {
+            if description.is_some() {
                 embeddings.extend(encoded.next());
             }
         }
@@ -126,9 +135,7 @@ impl LabelEncoder {
     /// # Errors
     /// [`EncoderError`] for a label that the model cannot encode.
     pub(crate) fn encode_next(&self, labels: &[String]) -> Result<bool, EncoderError> {
-        let labels = labels.get(..MAX_LABELS.get()).unwrap_or(labels);
-        let mut next = self.unknown(labels);
-        next.truncate(BATCH);
+        let next = self.unknown(kept(labels), BATCH);
         if next.is_empty() {
             return Ok(false);
         }
@@ -136,24 +143,24 @@ impl LabelEncoder {
     }
 
     /// The encoder for the labels of a scene, for one query.
-    pub(crate) fn labelled<'e>(&'e self, labels: &'e [String]) -> Labelled<'e> {
-        Labelled { encoder: self, labels, parts: Cell::new(0) }
+    pub(crate) fn labelled<'e>(&'e self, labels: &'e [String]) -> SceneLabels<'e> {
+        SceneLabels { encoder: self, labels, parts: Cell::new(0) }
     }
 }
 
 /// An encoder for some labels, for one query.
-pub(crate) struct Labelled<'e> {
+pub(crate) struct SceneLabels<'e> {
     encoder: &'e LabelEncoder,
     labels: &'e [String],
     /// Parts of the query that were encoded.
     parts: Cell<usize>,
 }
 
-impl Labelled<'_> {
+impl SceneLabels<'_> {
     fn of_text(&self, text: &str) -> Result<Option<Cosines>, EncoderError> {
-        let unknown = self.encoder.unknown(self.labels);
-        if let Some(next @ [_, ..]) = unknown.get(..unknown.len().min(MAX_AT_ONCE)) {
-            self.encoder.encode(next)?;
+        let next = self.encoder.unknown(kept(self.labels), MAX_AT_ONCE);
+        if !next.is_empty() {
+            self.encoder.encode(&next)?;
         }
         let Some(text) = self.encoder.encoder.encode_texts(&[text])?.pop() else { return Ok(None) };
         // Embeddings of one model always compare.
@@ -166,7 +173,7 @@ impl Labelled<'_> {
     }
 }
 
-impl LabelCosines for Labelled<'_> {
+impl LabelCosines for SceneLabels<'_> {
     fn cosines(&self, text: &str) -> Option<Cosines> {
         if self.parts.get() == MAX_PARTS {
             return None;

@@ -39,7 +39,7 @@ const DEVIATIONS: f64 = 2.0;
 /// Least angle between two views of a reply, degrees.
 const APART: f64 = 30.0;
 
-/// What is asked of the views.
+/// Options of a request for views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewsOptions {
     pub(crate) count: usize,
@@ -65,9 +65,12 @@ pub(crate) enum RegionViewsError {
     /// A picture could not be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A picture is none.
+    /// A picture has no valid opacities.
     #[error(transparent)]
     Alpha(#[from] AlphaError),
+    /// The deadline passed between two pictures.
+    #[error("the views were not ready in time; ask for smaller pictures, or wait longer")]
+    Late,
 }
 
 impl From<RegionViewsError> for Fault {
@@ -75,6 +78,7 @@ impl From<RegionViewsError> for Fault {
         match &error {
             RegionViewsError::Request(_) => Self::invalid(error.to_string()),
             RegionViewsError::Region(_) => Self::precondition(error.to_string()),
+            RegionViewsError::Late => Self::new(Code::DeadlineExceeded, error.to_string()),
             RegionViewsError::Edit(edit) => Self::new(edit.code(), error.to_string()).with_details(edit.details()),
             _ => Self::new(Code::Internal, error.to_string()),
         }
@@ -111,7 +115,8 @@ struct Measured {
     opacity: f64,
 }
 
-/// The views of some Gaussians of a state, of which `placed` is the placed scene. Hidden ones are drawn.
+/// The views of some Gaussians of a state, of which `placed` is the placed scene. Hidden ones are drawn. `between` is called
+/// before each picture, and may end the work.
 ///
 /// # Errors
 /// [`RegionViewsError`].
@@ -120,6 +125,7 @@ pub(crate) fn region_views(
     state: &EditState,
     members: &Mask,
     options: ViewsOptions,
+    between: &dyn Fn() -> Result<(), RegionViewsError>,
 ) -> Result<labeling::ViewsReply, RegionViewsError> {
     let start = Instant::now();
     let alone = state.edited_placed(placed, members)?;
@@ -128,7 +134,7 @@ pub(crate) fn region_views(
     let views = Sphere::default().views(&region, &frame)?;
     let look = Appearance::of(&alone);
     let pictures: Result<Vec<Measured>, RegionViewsError> =
-        views.iter().map(|view| measured(&alone, &look, view, options.pixels)).collect();
+        views.iter().map(|view| between().and_then(|()| measured(&alone, &look, view, options.pixels))).collect();
     let pictures = pictures?;
     let scores: Vec<f64> = pictures
         .iter()
@@ -142,6 +148,7 @@ pub(crate) fn region_views(
     let found = chosen.into_iter().filter_map(|at| Some((views.get(at)?, pictures.get(at)?)));
     let found: Result<Vec<labeling::RegionView>, RegionViewsError> = found
         .map(|(view, alone)| {
+            between()?;
             let shown = render(placed, &among, &view.camera(options.pixels, options.pixels), Quality::Standard)?.image;
             // The region is white and the rest is black.
             let seen: f64 = shown.pixels().filter_map(|pixel| pixel.first()).map(|red| f64::from(*red)).sum();
@@ -219,7 +226,7 @@ mod tests {
 
     fn views(scene: &Scene, members: &Mask, options: ViewsOptions) -> labeling::ViewsReply {
         let state = EditState::of_scene(scene, "", "");
-        region_views(scene, &state, members, options).unwrap()
+        region_views(scene, &state, members, options, &|| Ok(())).unwrap()
     }
 
     fn direction(found: &labeling::RegionView) -> DVec3 {
@@ -270,8 +277,15 @@ mod tests {
         let state = EditState::of_scene(&scene, "", "");
         let found = views(&scene, &state.members(UnitRef::Base(0)), USUAL);
         assert!(found.tiny && found.views.len() == 4 && found.radius > 0.0, "{found:?}");
-        let none = region_views(&scene, &state, &Mask::empty(scene.len()), USUAL);
+        let none = region_views(&scene, &state, &Mask::empty(scene.len()), USUAL, &|| Ok(()));
         assert!(matches!(none, Err(RegionViewsError::Region(RegionError::Empty))), "{none:?}");
+        let drawn = std::cell::Cell::new(0);
+        let after_two = || {
+            drawn.set(drawn.get() + 1);
+            if drawn.get() <= 2 { Ok(()) } else { Err(RegionViewsError::Late) }
+        };
+        let late = region_views(&scene, &state, &state.members(UnitRef::Base(0)), USUAL, &after_two);
+        assert!(matches!(late, Err(RegionViewsError::Late)) && drawn.get() == 3, "{late:?}");
     }
 
     #[test]
@@ -286,6 +300,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "a measurement for docs/labeling.md"]
     fn views_of_large_regions_take_what_drawing_takes() {
         for count in [100, 1000, 10_000, 100_000] {
             let scene = test_scene(&[("part", count), ("rest", count)]);
@@ -299,7 +314,6 @@ mod tests {
                 }
             }
             println!("{count} Gaussians: {} views of 128 x 128 in {:.1} ms", best.measured, best.render_ms);
-            assert!(best.render_ms < 60_000.0);
         }
     }
 }

@@ -2,15 +2,17 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::Instant;
 
 use sg_edit::{EditState, PlacedScene, Replica};
 use sg_proto::labeling;
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
+use sg_runtime::progress;
 use sg_runtime::scene_replica::SceneReplica;
 
-use crate::region_views::{ViewsOptions, region_views};
+use crate::region_views::{RegionViewsError, ViewsOptions, region_views};
 
 /// A request for views.
 pub(crate) struct ViewsMessage {
@@ -45,6 +47,11 @@ impl Viewer {
         let options = ViewsOptions::of(request)?;
         let newest = self.scene.at_least(request.at_least_revision, context.deadline).await?;
         let state: Arc<EditState> = Arc::clone(newest.replica.state());
+        let (progress, deadline) = (progress::current(), context.deadline);
+        let between = || {
+            progress.step();
+            if Instant::now() < deadline { Ok(()) } else { Err(RegionViewsError::Late) }
+        };
         tokio::task::block_in_place(|| {
             let members = if request.unit.is_empty() {
                 let selected = state.selection().mask();
@@ -56,7 +63,7 @@ impl Viewer {
                 let unit = state.find(&request.unit);
                 state.members(unit.map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?)
             };
-            Ok(region_views(&self.placed.of(&state), &state, &members, options)?)
+            Ok(region_views(&self.placed.of(&state), &state, &members, options, &between)?)
         })
     }
 }

@@ -40,10 +40,10 @@ struct Encoded<'e> {
 impl<'e> Encoded<'e> {
     fn new(encoder: &'e SentenceEncoder, labels: &[&str]) -> Self {
         let encode = |texts: &[&str]| encoder.encode_texts(texts).unwrap();
-        let told: Vec<String> =
+        let descriptions: Vec<String> =
             labels.iter().map(|l| described(l).unwrap().unwrap_or_else(|| (*l).to_owned())).collect();
-        let told: Vec<&str> = told.iter().map(String::as_str).collect();
-        Self { encoder, labels: [encode(labels), encode(&told)], background: encode(&BACKGROUND) }
+        let descriptions: Vec<&str> = descriptions.iter().map(String::as_str).collect();
+        Self { encoder, labels: [encode(labels), encode(&descriptions)], background: encode(&BACKGROUND) }
     }
 }
 
@@ -52,8 +52,9 @@ impl LabelCosines for Encoded<'_> {
         let text = self.encoder.encode_texts(&[text]).ok()?.pop()?;
         let cosine = |other: &Embedding| f64::from(other.cosine(&text).unwrap());
         let background = self.background.iter().map(cosine).sum::<f64>() / self.background.len() as f64;
-        let [labels, told] = &self.labels;
-        let labels = labels.iter().zip(told).map(|(label, told)| Some(cosine(label).max(cosine(told)))).collect();
+        let [labels, described] = &self.labels;
+        let labels =
+            labels.iter().zip(described).map(|(label, described)| Some(cosine(label).max(cosine(described)))).collect();
         Some(Cosines { labels, background })
     }
 }
@@ -263,7 +264,7 @@ fn units_are_found_by_meaning() {
     }
     let unseen = |method: &'static str, kind: &'static str| kinds[&(kind, method)][1].share();
     // Floors a little below what was measured, so that a change that loses queries is noticed.
-    assert!(unseen("both", "all") >= unseen("words", "all") + 0.05);
-    assert!(unseen("both", "false match") <= 0.15);
+    assert!(unseen("both", "all") >= unseen("words", "all") + 0.09);
+    assert!(unseen("both", "false match") <= 0.04);
     assert!(loss(CALIBRATION, &fitted) <= loss(both, &fitted) + 1e-3, "{CALIBRATION:?}, but {both:?} fits best");
 }

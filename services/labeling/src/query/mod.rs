@@ -84,6 +84,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::meaning::Cosines;
 
     fn scene(labels: &[&str]) -> Scene {
         let item = |label: &&str| Item { label: Some((*label).into()), attributes: None };
@@ -124,6 +125,34 @@ mod tests {
             assert_eq!(found(&scene, text), expected, "{text}");
         }
         assert_eq!(found(&self::scene(&[]), "liver"), ('-', vec![]));
+    }
+
+    /// An encoder by which every text is as near to the labels as these cosines say.
+    struct Fixed(Vec<f64>);
+
+    impl LabelCosines for Fixed {
+        fn cosines(&self, _: &str) -> Option<Cosines> {
+            Some(Cosines { labels: self.0.iter().copied().map(Some).collect(), background: 0.1 })
+        }
+    }
+
+    #[test]
+    fn guesses_are_questions_alone_in_lists_and_in_plurals() {
+        let scene = scene(&["aneurysm sac", "vein", "skull"]);
+        let kind = |text: &str, cosines: [f64; 3]| match scene.find_by(text, Some(&Fixed(cosines.to_vec()))) {
+            Outcome::Match { items } => ('=', items.len()),
+            Outcome::Ambiguous { candidates } => ('?', candidates.len()),
+            Outcome::NothingMatches { .. } => ('-', 0),
+        };
+        // Nothing has the utility 1.3 + 24.4 · 0.1 = 3.74, and cosines count 15 times.
+        let (sure, guess, far) = ([0.36, 0.0, 0.0], [0.27, 0.0, 0.0], [0.1, 0.0, 0.0]);
+        for text in ["the swollen part", "the swollen parts", "the swollen part and the growth"] {
+            assert_eq!([sure, guess, far].map(|cosines| kind(text, cosines)), [('=', 1), ('?', 1), ('-', 0)], "{text}");
+        }
+        assert_eq!(kind("the swollen part", [0.26, 0.25, 0.0]), ('?', 2));
+        // An exact label needs no encoder, and what stands beside it is still a guess.
+        assert_eq!(kind("the skull", guess), ('=', 1));
+        assert_eq!(kind("the skull and the swollen part", guess).0, '?');
     }
 
     #[test]

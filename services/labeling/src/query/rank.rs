@@ -100,10 +100,8 @@ fn outcome(ranked: Vec<Ranked>, query: &Query, index: &Index) -> Outcome {
     };
     let found: Vec<Ranked> = ranked.into_iter().filter(|r| r.score >= least.max(THRESHOLD)).collect();
     let is_unsure = |found: &Ranked| found.meaning.is_some() && found.score < SURE_MEANING;
-    match query.number {
-        Number::One if found.len() > 1 || found.iter().any(is_unsure) => Outcome::Ambiguous { candidates: found },
-        _ => Outcome::Match { items: found },
-    }
+    let is_question = found.iter().any(is_unsure) || (query.number == Number::One && found.len() > 1);
+    if is_question { Outcome::Ambiguous { candidates: found } } else { Outcome::Match { items: found } }
 }
 
 fn why(ranked: &[Ranked], query: &Query, index: &Index) -> Why {
@@ -128,7 +126,7 @@ fn of_group(known: Known<'_>, group: &Group, number: Number, among: Option<&[usi
     let best = named.iter().map(|r| r.score).fold(0.0, f64::max);
     let is_settled = best >= SURE || (best >= THRESHOLD && number == Number::Several) || !may_mean(&named, group);
     match meaning.filter(|_| !is_settled).and_then(|meaning| meaning.cosines(&group.text)) {
-        Some(cosines) => by_meaning(index, &named, &cosines, &group.text),
+        Some(cosines) => by_meaning(index, &named, &cosines, (&group.text, number)),
         None => named,
     }
 }
@@ -140,13 +138,18 @@ fn may_mean(named: &[Ranked], group: &Group) -> bool {
 }
 
 /// The items by what their words and a sentence encoder say together.
-pub(super) fn by_meaning(index: &Index, named: &[Ranked], cosines: &Cosines, text: &str) -> Vec<Ranked> {
+pub(super) fn by_meaning(
+    index: &Index,
+    named: &[Ranked],
+    cosines: &Cosines,
+    (text, number): (&str, Number),
+) -> Vec<Ranked> {
     let shares = CALIBRATION.shares(cosines, &words_of(index, named));
     let best = shares.iter().copied().fold(0.0, f64::max);
     let is_contender = |share: f64| share >= CONTENDER * best && share > 0.0;
     // Several that share what none has alone: the text means one of them.
     let together: f64 = shares.iter().copied().filter(|share| is_contender(*share)).sum();
-    let is_split = best < THRESHOLD && together >= THRESHOLD;
+    let is_split = number == Number::One && best < THRESHOLD && together >= THRESHOLD;
     let score = |share: f64| if is_split && is_contender(share) { together.min(1.0) } else { share };
     let by_share = shares.iter().enumerate().filter_map(|(item, share)| {
         let own = named.iter().find(|r| r.item == item).cloned();

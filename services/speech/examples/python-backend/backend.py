@@ -48,7 +48,9 @@ KNOWN = dictionary()
 
 def transcribe(request, seconds):
     """The expected sentence that is likeliest, or nothing."""
-    expected = {" ".join(words(s)): s for s in request.expected if words(s) and set(words(s)) <= KNOWN}
+    # The dictionary has no digits.
+    plain = [s for s in request.expected if re.fullmatch(r"[A-Za-z' ]+", s)]
+    expected = {" ".join(words(s)): s for s in plain if words(s) and set(words(s)) <= KNOWN}
     if not expected:
         return ""
     with tempfile.TemporaryDirectory() as folder:
@@ -92,8 +94,8 @@ def serve(messages, address):
         return messages.SynthesizeResponse(rate=rate, samples=samples)
 
     handlers = {
-        name: grpc.unary_unary_rpc_method_handler(answer_with(method), asked.FromString, answered.SerializeToString)
-        for name, method, asked, answered in [
+        name: grpc.unary_unary_rpc_method_handler(answer_with(method), request.FromString, response.SerializeToString)
+        for name, method, request, response in [
             ("Transcribe", heard, messages.TranscribeRequest, messages.TranscribeResponse),
             ("Synthesize", spoken, messages.SynthesizeRequest, messages.SynthesizeResponse),
         ]

@@ -41,7 +41,10 @@ fn whisper(folder: &Path, language: &str) -> Result<Box<dyn Recognizer>, String>
     Ok(Box::new(WhisperRecognizer::new(model, settings)))
 }
 
-fn sphinx() -> Result<Box<dyn Recognizer>, String> {
+fn sphinx(language: &str) -> Result<Box<dyn Recognizer>, String> {
+    if !matches!(language, "" | "en") {
+        return Err(format!("`language` is `{language}`, but pocketsphinx knows `en` alone; take another recognizer"));
+    }
     let sphinx = Sphinx::find(search_path().as_deref(), Path::new(MODELS)).map_err(|e| e.to_string())?;
     Ok(Box::new(sphinx))
 }
@@ -105,8 +108,8 @@ pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Cho
         (RecognizerChoice::Whisper, None) => {
             Err("no Whisper model; name its folder by `model`, or run ops/models.sh".to_owned())
         }
-        (RecognizerChoice::Sphinx, _) => Ok(Chosen::found(sphinx()?)),
-        (RecognizerChoice::Auto, None) => Ok(match sphinx() {
+        (RecognizerChoice::Sphinx, _) => Ok(Chosen::found(sphinx(&params.language)?)),
+        (RecognizerChoice::Auto, None) => Ok(match sphinx(&params.language) {
             Ok(sphinx) => {
                 let better = "pocketsphinx hears; a Whisper model hears better, name its folder by `model`";
                 Chosen { notice: Some(better.to_owned()), ..Chosen::found(sphinx) }

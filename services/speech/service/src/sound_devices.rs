@@ -17,12 +17,18 @@ const QUEUE: usize = 256;
 const RETRY: Duration = Duration::from_secs(1);
 /// Most sound that waits for a loudspeaker, so that a stop is heard soon.
 const LEAD: Duration = Duration::from_millis(120);
-/// Longest time in which a microphone gives no sample, or a loudspeaker takes none. Systems tell not every device that is gone.
+/// Longest time in which a microphone gives no sample, or a loudspeaker takes none. Some systems do not report a device that is gone.
 const STUCK: Duration = Duration::from_secs(3);
 
 fn problem(name: Option<&str>, what: impl std::fmt::Display) -> AudioError {
     let path = name.unwrap_or("the default device").into();
     AudioError::File { path, problem: format!("{what}; `supergaussian speech devices` lists what is there") }
+}
+
+/// Whether a stream goes on after an error: cpal recovers from a gap in the sound by itself.
+fn goes_on(error: &cpal::Error) -> bool {
+    use cpal::ErrorKind::{DeviceChanged, RealtimeDenied, Xrun};
+    matches!(error.kind(), Xrun | RealtimeDenied | DeviceChanged)
 }
 
 /// Which way sound goes.
@@ -120,7 +126,12 @@ where
         // A reader that is behind loses the newest block.
         let _ = blocks.try_send(Ok(data.chunks_exact(channels).map(mean).collect()));
     };
-    let lost = move |error: cpal::Error| drop(failed.try_send(Err(error.to_string())));
+    let lost = move |error: cpal::Error| {
+        if !goes_on(&error) {
+            // With a full queue the next error is another chance, and a silent device is lost too.
+            let _ = failed.try_send(Err(error.to_string()));
+        }
+    };
     device.build_input_stream(config.config(), heard, lost, None)
 }
 
@@ -187,7 +198,11 @@ impl DeviceSink {
         let lost = {
             let failed = Arc::clone(&failed);
             // Only the first cause counts.
-            move |error: cpal::Error| drop(failed.set(error.to_string()))
+            move |error: cpal::Error| {
+                if !goes_on(&error) {
+                    let _ = failed.set(error.to_string());
+                }
+            }
         };
         let stream = match config.sample_format() {
             SampleFormat::I16 => play::<i16>(&device, &config, Arc::clone(&waiting), lost),

@@ -31,11 +31,11 @@ pub struct Transcript {
     pub language: Option<String>,
     /// Whether the text ended by itself, within the most tokens.
     pub complete: bool,
-    /// Other texts that a search with beams has followed to their ends, likeliest first.
+    /// Other texts that a search with beams has followed to their ends, by falling mean log-probability of a token.
     pub others: Vec<OtherText>,
 }
 
-/// A text that is less likely than the transcript.
+/// A text beside the transcript.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OtherText {
     /// The text.

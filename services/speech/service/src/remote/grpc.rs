@@ -5,7 +5,7 @@ use std::time::Instant;
 use sg_endpoint::{CallError, Endpoint, GrpcClient};
 use sg_proto::backend::{SynthesizeRequest, SynthesizeResponse, TranscribeRequest, TranscribeResponse};
 use sg_speech::audio::pcm::{PcmDecoder, PcmLayout};
-use sg_speech::audio::{Recording, SPEECH_RATE};
+use sg_speech::audio::{Recording, SPEECH_RATE, duration_of};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
@@ -13,15 +13,14 @@ use sg_speech::recognizer::{Recognition, Recognizer, SHORTEST_VOICE, Synthesizer
 use sg_speech::vad::voiced;
 use tokio::runtime::Handle;
 
-use super::{Server, ServerError, ServerParams, check_name, names, recognition};
+use super::{
+    LONGEST, MAX_SOUND_BYTES, MAX_TEXT_BYTES, Server, ServerError, ServerParams, check_name, names, recognition,
+    silence_of,
+};
 
 /// Paths of the methods.
 const TRANSCRIBE: &str = "/supergaussian.backend.v1.SpeechBackendService/Transcribe";
 const SYNTHESIZE: &str = "/supergaussian.backend.v1.SpeechBackendService/Synthesize";
-/// Largest answer with a text, bytes.
-const MAX_TEXT_BYTES: usize = 1 << 20;
-/// Largest sound of a sentence, bytes: two minutes in 16 bits at 48 kHz.
-const MAX_SOUND_BYTES: usize = 12 << 20;
 /// Samples a second that a synthesizer may give.
 const RATES: std::ops::RangeInclusive<u32> = 8_000..=48_000;
 /// Most expected sentences that are sent.
@@ -41,6 +40,7 @@ impl Grpc {
     /// # Errors
     /// [`ServerError`].
     pub(crate) fn recognizer(params: &ServerParams, language: &str, runtime: &Handle) -> Result<Self, ServerError> {
+        check_name("language", language)?;
         Self::new(params, language, "", runtime)
     }
 
@@ -109,8 +109,8 @@ impl Synthesizer for Grpc {
     }
 
     fn synthesize(&self, sentence: &str, limits: &Limits) -> Result<Recording, SpeechError> {
-        if !sentence.chars().any(char::is_alphanumeric) {
-            return Ok(Recording { rate: SPEECH_RATE, samples: Vec::new() });
+        if let Some(silence) = silence_of(sentence) {
+            return Ok(silence);
         }
         let time = self.server.time(limits);
         let request = SynthesizeRequest {
@@ -124,6 +124,10 @@ impl Synthesizer for Grpc {
         if !RATES.contains(&rate) {
             let (least, most) = (RATES.start(), RATES.end());
             let problem = format!("sound of {rate} samples a second; take {least} to {most}");
+            return Err(self.server.error(CallError::Invalid(problem)));
+        }
+        if duration_of(bytes.len() / 2, rate) > LONGEST {
+            let problem = format!("a sentence of more than {} s", LONGEST.as_secs());
             return Err(self.server.error(CallError::Invalid(problem)));
         }
         let mut samples = Vec::with_capacity(bytes.len() / 2);

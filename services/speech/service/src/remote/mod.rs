@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 use sg_endpoint::{ApiKey, CallError, Endpoint, EndpointError, KeyError};
+use sg_speech::audio::{Recording, SPEECH_RATE};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
@@ -30,6 +31,12 @@ const USUAL_TIMEOUT: Duration = Duration::from_secs(8);
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 /// Wait before a server that is unavailable is asked once more.
 const PAUSE: Duration = Duration::from_millis(100);
+/// Largest answer with a text, bytes.
+const MAX_TEXT_BYTES: usize = 1 << 20;
+/// Largest sound of a sentence, bytes: two minutes in 16 bits at 48 kHz.
+const MAX_SOUND_BYTES: usize = 12 << 20;
+/// Longest sound of a sentence.
+const LONGEST: Duration = Duration::from_secs(120);
 /// Most names of units that are sent.
 const MAX_NAMES: usize = 100;
 
@@ -141,7 +148,7 @@ impl Server {
         F: Future<Output = Result<T, CallError>>,
     {
         let time = self.time(limits);
-        let asked = async {
+        let attempts = async {
             match call().await {
                 Err(CallError::Unavailable(_)) => {
                     tokio::time::sleep(PAUSE).await;
@@ -152,7 +159,7 @@ impl Server {
         };
         self.runtime.block_on(async {
             tokio::select! {
-                outcome = tokio::time::timeout(time, asked) => match outcome {
+                outcome = tokio::time::timeout(time, attempts) => match outcome {
                     Ok(outcome) => outcome.map_err(|error| self.error(error)),
                     Err(_) => Err(self.error(CallError::Timeout(time))),
                 },
@@ -174,6 +181,12 @@ async fn cancelled(limits: &Limits) {
     while !limits.is_cancelled() {
         tokio::time::sleep(POLL_PERIOD).await;
     }
+}
+
+/// A sound without samples, where a sentence has nothing to say.
+fn silence_of(sentence: &str) -> Option<Recording> {
+    let is_silent = !sentence.chars().any(char::is_alphanumeric);
+    is_silent.then(|| Recording { rate: SPEECH_RATE, samples: Vec::new() })
 }
 
 /// Names of units that may be spoken of.

@@ -1,6 +1,6 @@
 //! OpenAI's protocol for speech: `audio/transcriptions` and `audio/speech`. Many servers speak it.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use serde::Deserialize;
 use sg_endpoint::{CallError, Endpoint, HttpClient, Part};
@@ -13,14 +13,11 @@ use sg_speech::recognizer::{Recognition, Recognizer, SHORTEST_VOICE, Synthesizer
 use sg_speech::vad::voiced;
 use tokio::runtime::Handle;
 
-use super::{Server, ServerError, ServerParams, check_name, names, recognition};
+use super::{
+    LONGEST, MAX_SOUND_BYTES, MAX_TEXT_BYTES, Server, ServerError, ServerParams, check_name, names, recognition,
+    silence_of,
+};
 
-/// Largest answer with a text, bytes.
-const MAX_TEXT_BYTES: usize = 1 << 20;
-/// Largest sound of a sentence, bytes: two minutes in 16 bits at 48 kHz.
-const MAX_SOUND_BYTES: usize = 12 << 20;
-/// Longest sound of a sentence.
-const LONGEST: Duration = Duration::from_secs(120);
 /// Whisper's own rule for silence: this probability of no speech with less than this mean log-probability.
 const NO_SPEECH: (f32, f32) = (0.6, -1.0);
 
@@ -38,6 +35,7 @@ impl OpenAi {
     /// # Errors
     /// [`ServerError`].
     pub(crate) fn recognizer(params: &ServerParams, language: &str, runtime: &Handle) -> Result<Self, ServerError> {
+        check_name("language", language)?;
         let (server, key) = params.openai("whisper-1", runtime)?;
         let client = HttpClient::new(&server.endpoint, key)?;
         Ok(Self { server, client, language: language.to_owned(), voice: String::new() })
@@ -110,7 +108,11 @@ struct Token {
 
 impl Transcription {
     fn parse(body: &[u8]) -> Result<Self, CallError> {
-        serde_json::from_slice(body).map_err(|error| CallError::Invalid(format!("no transcription: {error}")))
+        // The parser's own message may repeat the answer.
+        serde_json::from_slice(body).map_err(|error| {
+            let (line, column) = (error.line(), error.column());
+            CallError::Invalid(format!("no transcription; the answer is wrong at line {line}, column {column}"))
+        })
     }
 
     /// Whether the server heard no speech.
@@ -162,8 +164,8 @@ impl Synthesizer for OpenAi {
     }
 
     fn synthesize(&self, sentence: &str, limits: &Limits) -> Result<Recording, SpeechError> {
-        if !sentence.chars().any(char::is_alphanumeric) {
-            return Ok(Recording { rate: SPEECH_RATE, samples: Vec::new() });
+        if let Some(silence) = silence_of(sentence) {
+            return Ok(silence);
         }
         let request = serde_json::json!({
             "model": self.server.model, "voice": self.voice, "input": sentence, "response_format": "wav",

@@ -198,6 +198,12 @@ fn every_failure_is_one_line_without_the_key() {
     let repeats_key = format!(r#"{{"error": {{"message": "wrong key {KEY}\nnext"}}}}"#);
     let (error, requests) = fault(vec![answer(401, repeats_key)], &within(SOON));
     assert!(error.contains("refused: status 401: wrong key (key) next") && requests == 1, "{error}");
+    let long = format!(r#"{{"error": {{"message": "{}{KEY}"}}}}"#, "x".repeat(280));
+    let (error, _) = fault(vec![answer(401, long)], &within(SOON));
+    assert!(error.contains("xxx") && !error.contains(&KEY[..4]), "{error}");
+    let quoted = format!(r#"{{"text": "a", "segments": "{KEY}"}}"#);
+    let (error, _) = fault(vec![answer(200, quoted)], &within(SOON));
+    assert!(error.contains("no transcription"), "{error}");
     let (error, requests) = fault(vec![answer(429, r#"{"error": "slow down"}"#)], &within(SOON));
     assert!(error.contains("unavailable: status 429: slow down") && requests == 2, "{error}");
     for body in [&b"<html>"[..], b"{\"text\": ", b"{}", b"{\"text\": \"\xff\"}"] {
