@@ -46,27 +46,49 @@ pub(crate) fn understood(text: &str, state: &State) -> Option<Intent> {
 
 /// The recognition, accepted if it is a command. Free text is one if every part of it is understood and it was heard well. So is
 /// another text that is nearly as likely: the sense decides between them. It also takes the place of an expected sentence that is
-/// clearly less likely. With `any_text`, all text is accepted.
+/// clearly less likely, if its names are units. With `any_text`, all text is accepted.
 pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool) -> Recognition {
     if heard.accepted {
-        let likelier = heard.alternatives.iter().filter(|other| other.score >= LIKELIER);
-        let text = likelier.map(|other| &other.text).find(|text| understood(text, state).is_some()).cloned();
-        return Recognition { text: text.unwrap_or_else(|| heard.text.clone()), ..heard };
+        // A name that no unit has may be a misheard one, which the expected sentence has right.
+        let is_command = |text: &String| understood(text, state).is_some_and(|intent| names_are_units(&intent, state));
+        let likelier = heard.alternatives.iter().filter(|other| other.score >= LIKELIER).map(|other| &other.text);
+        // The same words are better as the scene spells them.
+        let other = likelier.cloned().find(is_command).filter(|text| spoken::words(text) != spoken::words(&heard.text));
+        return Recognition { text: other.unwrap_or_else(|| heard.text.clone()), ..heard };
     }
     if heard.text.is_empty() || any_text {
         return Recognition { accepted: !heard.text.is_empty(), ..heard };
     }
-    let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| &other.text);
-    let mut texts = std::iter::once(&heard.text).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
-    match texts.find(|text| understood(text, state).is_some()).cloned() {
+    let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| other.text.as_str());
+    let texts = std::iter::once(heard.text.as_str()).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
+    match command_among(texts, state) {
         Some(text) => Recognition { accepted: true, text, ..heard },
         None => heard,
     }
 }
 
+/// The first text that is understood in every part. One whose names are all units goes before others, whose names may be misheard.
+fn command_among<'t>(texts: impl Iterator<Item = &'t str>, state: &State) -> Option<String> {
+    let understood = texts.filter_map(|text| Some((text, understood(text, state)?)));
+    let understood: Vec<(&str, Intent)> = understood.collect();
+    let first = || understood.first();
+    let (text, _) = understood.iter().find(|(_, intent)| names_are_units(intent, state)).or_else(first)?;
+    Some((*text).to_owned())
+}
+
+fn names_are_units(intent: &Intent, state: &State) -> bool {
+    let base = state.base_units.iter().map(|unit| unit.name.as_str());
+    let units: Vec<Vec<String>> =
+        base.chain(state.units.iter().map(|unit| unit.name.as_str())).map(spoken::words).collect();
+    let targets = intent.clauses.iter().filter_map(|clause| clause.target.as_ref());
+    let words = |name: &String| spoken::words(name.strip_prefix("the ").unwrap_or(name));
+    targets.flat_map(|target| &target.names).all(|name| units.contains(&words(name)))
+}
+
 /// A question about a command that takes something away.
 pub(crate) fn question(text: &str, state: &State) -> Option<String> {
     let intent = understood(text, state)?;
+    let text = text.trim_end_matches(['.', '!', '?']);
     needs_confirmation(&intent).then(|| format!("Did you say “{text}”? Say yes or no."))
 }
 
@@ -157,6 +179,7 @@ mod tests {
         let state = scene(&["sac", "vessel"]);
         assert_eq!(question("delete the sac", &state).unwrap(), "Did you say “delete the sac”? Say yes or no.");
         assert!(question("merge the sac and the vessel", &state).is_some());
+        assert_eq!(question("Delete the sac.", &state).unwrap(), "Did you say “Delete the sac”? Say yes or no.");
         for harmless in ["hide the sac", "undo", "what a nice day"] {
             assert!(question(harmless, &state).is_none(), "{harmless}");
         }

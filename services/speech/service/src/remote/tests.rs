@@ -28,10 +28,13 @@ fn answer(status: u16, body: impl Into<Vec<u8>>) -> Answer {
     Answer { status, body: body.into(), delay: Duration::ZERO }
 }
 
+/// Head and body of each request.
+type Requests = Vec<(String, Vec<u8>)>;
+
 /// An HTTP server that answers in order, the last answer again and again. It ends with the test.
 struct Scripted {
     address: SocketAddr,
-    requests: Arc<Mutex<Vec<(String, Vec<u8>)>>>,
+    requests: Arc<Mutex<Requests>>,
 }
 
 impl Scripted {
@@ -58,12 +61,12 @@ impl Scripted {
         }
     }
 
-    fn requests(&self) -> Vec<(String, Vec<u8>)> {
+    fn requests(&self) -> Requests {
         self.requests.lock().unwrap().clone()
     }
 }
 
-fn serve(stream: TcpStream, log: &Mutex<Vec<(String, Vec<u8>)>>, script: &[Answer]) {
+fn serve(stream: TcpStream, log: &Mutex<Requests>, script: &[Answer]) {
     let mut from = BufReader::new(stream.try_clone().unwrap());
     let mut to = stream;
     loop {
