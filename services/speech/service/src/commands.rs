@@ -51,10 +51,12 @@ pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool)
     if heard.accepted {
         // A name that no unit has may be a misheard one, which the expected sentence has right.
         let is_command = |text: &String| understood(text, state).is_some_and(|intent| names_are_units(&intent, state));
-        let likelier = heard.alternatives.iter().filter(|other| other.score >= LIKELIER).map(|other| &other.text);
+        let mut likelier = heard.alternatives.iter().filter(|other| other.score >= LIKELIER).map(|other| &other.text);
         // The same words are better as the scene spells them.
-        let other = likelier.cloned().find(is_command).filter(|text| spoken::words(text) != spoken::words(&heard.text));
-        return Recognition { text: other.unwrap_or_else(|| heard.text.clone()), ..heard };
+        let other =
+            likelier.find(|text| is_command(text)).filter(|text| spoken::words(text) != spoken::words(&heard.text));
+        let text = other.unwrap_or(&heard.text).clone();
+        return Recognition { text, ..heard };
     }
     if heard.text.is_empty() || any_text {
         return Recognition { accepted: !heard.text.is_empty(), ..heard };
