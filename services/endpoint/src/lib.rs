@@ -20,5 +20,7 @@ pub use error::{CallError, ClientError};
 pub use grpc::GrpcClient;
 pub use http::{HttpClient, Part};
 
+/// Address of OpenAI.
+pub const OPENAI: &str = "https://api.openai.com/v1";
 /// Longest wait for a connection.
 const CONNECT: Duration = Duration::from_secs(5);

@@ -94,6 +94,15 @@ pub struct Cosines {
     pub background: f64,
 }
 
+impl Cosines {
+    /// Of the cosines with each label and with what [`described`] makes of it, and of those with [`BACKGROUND`].
+    #[must_use]
+    pub fn of(labels: impl Iterator<Item = Vec<f64>>, background: &[f64]) -> Self {
+        let labels = labels.map(|own| own.into_iter().max_by(f64::total_cmp)).collect();
+        Self { labels, background: background.iter().sum::<f64>() / background.len().max(1) as f64 }
+    }
+}
+
 /// Cosines of texts with the labels of items.
 pub trait LabelCosines {
     /// The cosines of a text. `None` if it can't be encoded: words then decide alone.

@@ -6,18 +6,25 @@ use crate::audio::Recording;
 use crate::child_process::Limits;
 use crate::error::SpeechError;
 use crate::phrases::PhraseGrammar;
+use crate::vad::voiced;
 
 /// Longest utterance that a recognizer takes.
 pub const MAX_UTTERANCE: Duration = Duration::from_secs(60);
 
 /// Shortest voice that a recognizer looks at. Less is a click or a breath.
-pub const SHORTEST_VOICE: Duration = Duration::from_millis(96);
+const SHORTEST_VOICE: Duration = Duration::from_millis(96);
 
-/// A word with its place in the utterance.
+/// Whether samples of 16 kHz hold enough voice for a recognizer to look at them.
+#[must_use]
+pub fn has_voice(samples: &[f32]) -> bool {
+    voiced(samples) >= SHORTEST_VOICE
+}
+
+/// A part of the text with its place in the utterance: a word, or words between two pauses.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RecognizedWord {
+pub struct TimedText {
     /// As it is said.
-    pub word: String,
+    pub text: String,
     /// Its begin.
     pub start: Duration,
     /// Its end.
@@ -45,8 +52,8 @@ pub struct Recognition {
     pub accepted: bool,
     /// Other texts, the likeliest first, without the best one. Empty where a recognizer gives none, as sphinx.
     pub alternatives: Vec<Alternative>,
-    /// Words of the best text with their times.
-    pub words: Vec<RecognizedWord>,
+    /// Parts of the best text with their times. Empty where a recognizer gives none.
+    pub parts: Vec<TimedText>,
     /// Time that the recognizer took.
     pub elapsed: Duration,
 }

@@ -82,7 +82,7 @@ fn commands_are_understood_and_talk_is_refused() {
     ] {
         let result = recognized(&mut sphinx, &said(&flite, command));
         assert!(result.accepted && result.text == command, "{command}: {result:?}");
-        assert!(result.words.windows(2).all(|pair| pair[0].end <= pair[1].start), "{result:?}");
+        assert!(result.parts.windows(2).all(|pair| pair[0].end <= pair[1].start), "{result:?}");
     }
     for talk in ["what a nice day it is today", "i would like a cup of coffee please", "my sister is moving to canada"]
     {

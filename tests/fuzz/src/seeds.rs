@@ -29,6 +29,8 @@ use sg_proto::scene::{
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
 use sg_scene::synthetic::{samples, test_scene, vessel_and_sac};
+use sg_speech::audio::Recording;
+use sg_speech::audio::wav::encode_wav;
 use supergaussian_scene::project::Project;
 
 use crate::parts::block;
@@ -80,6 +82,11 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "edits" => edits(),
         "utterance" => UTTERANCES.iter().map(|text| text.as_bytes().to_vec()).collect(),
         "model-answer" => model_answers(),
+        "series" => serieses(),
+        "wav" => wavs(),
+        "whisper-model" => {
+            vec![include_bytes!("../../../services/speech/whisper/tests/fixtures/ctranslate2/model.bin").to_vec()]
+        }
         _ => Vec::new(),
     }
 }
@@ -195,6 +202,26 @@ fn arrays() -> Vec<Vec<u8>> {
         of(3, &|p| write_array(p, &[2, 1], &[1.0_f32, 3.0]).unwrap()),
         of(3, &|p| write_array(p, &[2], &[1.0_f64, 3.0]).unwrap()),
     ]
+}
+
+/// The first byte chooses the kind of series: a collection, or JSON.
+fn serieses() -> Vec<Vec<u8>> {
+    let collection = "<?xml version=\"1.0\"?><VTKFile type=\"Collection\" version=\"0.1\"><Collection>\
+        <DataSet timestep=\"0\" part=\"0\" file=\"a.vti\"/><DataSet timestep=\"1.5\" group=\"\" file=\"b.vti\"/></Collection></VTKFile>";
+    let list = r#"{"file-series-version":"1.0","files":[{"name":"a.vti","time":0},{"name":"b.vti","time":1.5}]}"#;
+    vec![[b"\0", collection.as_bytes()].concat(), [b"\x01", list.as_bytes()].concat()]
+}
+
+fn wavs() -> Vec<Vec<u8>> {
+    let sound = |rate| Recording { rate, samples: (0..40).map(|at| (at as f32 * 0.3).sin()).collect() };
+    let whole = encode_wav(&sound(16_000)).unwrap();
+    let mut streamed = encode_wav(&sound(24_000)).unwrap();
+    let data = streamed.windows(4).position(|name| name == b"data").unwrap();
+    streamed[data + 4..data + 8].fill(0xFF);
+    // A tone of 32-bit floats in two channels.
+    let header = b"RIFF\x3c\0\0\0WAVEfmt \x10\0\0\0\x03\0\x02\0\x80\xbb\0\0\0\xdc\x05\0\x08\0\x20\0data\x10\0\0\0";
+    let floats = [0.5_f32, -0.5, 0.25, 1.0].map(f32::to_le_bytes).concat();
+    vec![whole, streamed, [&header[..], &floats].concat()]
 }
 
 /// 2 × 3 × 2 voxels of a byte.

@@ -2,7 +2,7 @@
 
 use crate::stage::Stage;
 use crate::target::{Memory, Target};
-use crate::targets::{arrays, clusters, edits, language, messages, projects, scenes, texts, volumes};
+use crate::targets::{arrays, clusters, edits, language, messages, projects, scenes, sounds, texts, volumes};
 
 const fn target(
     name: &'static str,
@@ -91,6 +91,15 @@ pub const TARGETS: &[Target] = &[
         language::utterance,
     ),
     target("model-answer", "answers of language models", Memory::PARTS, 2048, language::model_answer),
+    target("series", "files that name the time steps of a series", Memory::PARTS, 2048, volumes::series),
+    target("wav", "WAV files, and streams of unknown length", Memory::NUMBERS, 2048, sounds::wav),
+    target(
+        "whisper-model",
+        "models of speech in CTranslate2's layout",
+        Memory { free: 32 << 20, each: 64 },
+        65_536,
+        sounds::whisper_model,
+    ),
 ];
 
 /// The target of this name.

@@ -109,6 +109,9 @@ struct Speech {
     /// Seed of the noise
     #[arg(long, default_value_t = 1, value_name = "K")]
     seed: u64,
+    /// Folder of another Whisper model than the one of ops/models.sh
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -227,6 +230,7 @@ fn speech(arguments: &Speech) -> Result<(), EvalError> {
         noise: if arguments.quick { vec![None, Some(10.0)] } else { noise },
         every: if arguments.quick { 8 } else { arguments.every },
         seed: arguments.seed,
+        model: arguments.model.clone(),
         executable: executable.with_file_name("supergaussian-speech"),
     };
     std::fs::create_dir_all(&arguments.out).map_err(write(&arguments.out))?;

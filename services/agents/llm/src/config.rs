@@ -4,7 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use serde::Deserialize;
-use sg_endpoint::{ApiKey, ClientError, Endpoint, EndpointError, KeyError};
+use sg_endpoint::{ApiKey, ClientError, Endpoint, EndpointError, KeyError, OPENAI};
 use sg_language::grammar;
 use sg_language::intent_schema::SchemaError;
 
@@ -112,8 +112,6 @@ pub enum ConfigError {
     Schema(#[from] SchemaError),
 }
 
-/// The endpoint of OpenAI.
-const OPENAI: &str = "https://api.openai.com/v1";
 /// Longest name of a model, bytes.
 const MAX_MODEL_BYTES: usize = 200;
 /// Default timeout, seconds.

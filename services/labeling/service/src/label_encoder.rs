@@ -167,9 +167,8 @@ impl SceneLabels<'_> {
         let cosine = |other: &Embedding| other.cosine(&text).ok().map(f64::from);
         let background: Vec<f64> = self.encoder.background.iter().filter_map(cosine).collect();
         let mut known = self.encoder.known();
-        let greatest = |own: &Vec<Embedding>| own.iter().filter_map(cosine).max_by(f64::total_cmp);
-        let labels = self.labels.iter().map(|label| known.get(label).and_then(greatest)).collect();
-        Ok(Some(Cosines { labels, background: background.iter().sum::<f64>() / background.len().max(1) as f64 }))
+        let own = |label| known.get(label).map_or_else(Vec::new, |own| own.iter().filter_map(cosine).collect());
+        Ok(Some(Cosines::of(self.labels.iter().map(own), &background)))
     }
 }
 

@@ -51,11 +51,10 @@ impl LabelCosines for Encoded<'_> {
     fn cosines(&self, text: &str) -> Option<Cosines> {
         let text = self.encoder.encode_texts(&[text]).ok()?.pop()?;
         let cosine = |other: &Embedding| f64::from(other.cosine(&text).unwrap());
-        let background = self.background.iter().map(cosine).sum::<f64>() / self.background.len() as f64;
+        let background: Vec<f64> = self.background.iter().map(cosine).collect();
         let [labels, described] = &self.labels;
-        let labels =
-            labels.iter().zip(described).map(|(label, described)| Some(cosine(label).max(cosine(described)))).collect();
-        Some(Cosines { labels, background })
+        let both = labels.iter().zip(described).map(|(label, described)| vec![cosine(label), cosine(described)]);
+        Some(Cosines::of(both, &background))
     }
 }
 

@@ -33,11 +33,11 @@ fn search_path() -> Option<OsString> {
     std::env::var_os("PATH")
 }
 
-fn whisper(folder: &Path, language: &str) -> Result<Box<dyn Recognizer>, String> {
+fn whisper(folder: &Path, language: &str, times: bool) -> Result<Box<dyn Recognizer>, String> {
     let model = Whisper::open(folder, Precision::F32).map_err(|e| e.to_string())?;
     let language = (!language.is_empty()).then(|| language.to_owned());
     model.check_language(language.as_deref()).map_err(|e| e.to_string())?;
-    let settings = RecognizerSettings { language, ..RecognizerSettings::default() };
+    let settings = RecognizerSettings { language, times, ..RecognizerSettings::default() };
     Ok(Box::new(WhisperRecognizer::new(model, settings)))
 }
 
@@ -103,7 +103,7 @@ pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Cho
             Ok(Chosen::remote(backend.endpoint(), Box::new(backend)))
         }
         (RecognizerChoice::Whisper | RecognizerChoice::Auto, Some(folder)) => {
-            Ok(Chosen::found(whisper(&folder, &params.language)?))
+            Ok(Chosen::found(whisper(&folder, &params.language, params.times)?))
         }
         (RecognizerChoice::Whisper, None) => {
             Err("no Whisper model; name its folder by `model`, or run ops/models.sh".to_owned())

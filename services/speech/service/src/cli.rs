@@ -71,9 +71,12 @@ pub(crate) struct Listen {
     /// Code of the spoken language, such as `en`; without one, a model of many languages finds it out
     #[arg(long, default_value = "")]
     language: String,
-    /// Print each utterance as JSON, with the times of its begin and of its recognition
+    /// Print each utterance as JSON, with its begin and the time of its recognition
     #[arg(long)]
     json: bool,
+    /// Add the begin and end of each part of the text, in seconds
+    #[arg(long)]
+    times: bool,
 }
 
 #[derive(Debug, Args)]
@@ -111,15 +114,33 @@ struct ServerArgs {
 }
 
 impl ServerArgs {
-    fn params(&self) -> ServerParams {
-        ServerParams {
+    /// The server of a backend. `is_server`: whether the backend is one. `backend`: the option that chooses the backend.
+    fn params(&self, is_server: bool, backend: &str) -> Result<ServerParams, String> {
+        let given = [
+            ("--endpoint", !self.endpoint.is_empty()),
+            ("--server-model", !self.server_model.is_empty()),
+            ("--key-env", self.key_env.is_some()),
+            ("--insecure", self.insecure),
+        ];
+        if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given && !is_server) {
+            return Err(format!("{option} describes a server; add {backend} openai or {backend} grpc"));
+        }
+        Ok(ServerParams {
             endpoint: self.endpoint.clone(),
             model: self.server_model.clone(),
             key_env: self.key_env.clone(),
             insecure: self.insecure,
             timeout: None,
-        }
+        })
     }
+}
+
+/// The message of a wrong server, with the options of the command line in place of the parameters of a launch file.
+fn as_options(message: String) -> String {
+    let Some((_, own)) = message.split_once("_server`: ") else { return message };
+    let options = [("`endpoint`", "--endpoint"), ("`model`", "--server-model"), ("`key_env`", "--key-env")];
+    let own = options.iter().fold(own.to_owned(), |text, (parameter, option)| text.replace(parameter, option));
+    own.replace("`insecure = true`", "--insecure")
 }
 
 /// The runtime of requests to servers.
@@ -150,13 +171,15 @@ pub(crate) fn run(command: &Command) -> ExitCode {
 fn listen(arguments: &Listen) -> Result<ExitCode, String> {
     let params = BackendParams {
         recognizer: arguments.recognizer,
-        recognizer_server: arguments.server.params(),
+        recognizer_server: arguments.server.params(arguments.recognizer.is_server(), "--recognizer")?,
         model: arguments.model.clone(),
         language: arguments.language.clone(),
+        times: arguments.times,
         ..BackendParams::default()
     };
     let runtime = runtime()?;
-    let Chosen { backend: recognizer, notice, .. } = backends::recognizer(&params, runtime.handle())?;
+    let Chosen { backend: recognizer, notice, .. } =
+        backends::recognizer(&params, runtime.handle()).map_err(as_options)?;
     let Some(mut recognizer) = recognizer else {
         return Err(notice.unwrap_or_else(|| "no recognizer; choose one by --recognizer".to_owned()));
     };
@@ -204,31 +227,47 @@ fn utterances(file: &Path) -> Result<Vec<(u64, Vec<f32>)>, String> {
 }
 
 fn line_of(file: &Path, start: u64, heard: &Recognition, arguments: &Listen) -> String {
+    let start = start as f64 / f64::from(SPEECH_RATE);
+    // Times count from the begin of the file.
+    let parts = heard.parts.iter().map(|part| {
+        let [from, to] = [part.start, part.end].map(|time| start + time.as_secs_f64());
+        (from, to, part.text.as_str())
+    });
     if arguments.json {
-        return serde_json::json!({
+        let mut line = serde_json::json!({
             "file": file.display().to_string(),
-            "start_s": start as f64 / f64::from(SPEECH_RATE),
+            "start_s": start,
             "command": heard.accepted,
             "confidence": heard.confidence,
             "text": heard.text,
             "recognition_ms": heard.elapsed.as_secs_f64() * 1e3,
-        })
-        .to_string();
+        });
+        if arguments.times {
+            line["parts"] =
+                parts.map(|(from, to, text)| serde_json::json!({"start_s": from, "end_s": to, "text": text})).collect();
+        }
+        return line.to_string();
     }
     let kind = if heard.accepted { "command" } else { "no command" };
-    let line = format!("{kind}\t{:.2}\t{}", heard.confidence, heard.text);
+    let mut line = format!("{kind}\t{:.2}\t{}", heard.confidence, heard.text);
+    if arguments.times {
+        let parts: Vec<String> = parts.map(|(from, to, text)| format!("{from:.2}-{to:.2} {text}")).collect();
+        line.push('\t');
+        line.push_str(&parts.join(", "));
+    }
     if arguments.files.len() == 1 { line } else { format!("{}\t{line}", file.display()) }
 }
 
 fn say(arguments: &Speak) -> Result<(), String> {
     let params = BackendParams {
         synthesizer: arguments.synthesizer,
-        synthesizer_server: arguments.server.params(),
+        synthesizer_server: arguments.server.params(arguments.synthesizer.is_server(), "--synthesizer")?,
         voice: arguments.voice.clone(),
         ..BackendParams::default()
     };
     let runtime = runtime()?;
-    let Chosen { backend: synthesizer, notice, .. } = backends::synthesizer(&params, runtime.handle())?;
+    let Chosen { backend: synthesizer, notice, .. } =
+        backends::synthesizer(&params, runtime.handle()).map_err(as_options)?;
     let synthesizer = synthesizer
         .ok_or_else(|| notice.unwrap_or_else(|| "no synthesizer; choose one by --synthesizer".to_owned()))?;
     let all = sentences(&arguments.text);

@@ -61,21 +61,25 @@ pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool)
     if heard.text.is_empty() || any_text {
         return Recognition { accepted: !heard.text.is_empty(), ..heard };
     }
-    let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| other.text.as_str());
-    let texts = std::iter::once(heard.text.as_str()).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
-    match command_among(texts, state) {
+    let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| &other.text);
+    let texts = std::iter::once(&heard.text).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
+    match command_among(texts, state).cloned() {
         Some(text) => Recognition { accepted: true, text, ..heard },
         None => heard,
     }
 }
 
 /// The first text that is understood in every part. One whose names are all units goes before others, whose names may be misheard.
-fn command_among<'t>(texts: impl Iterator<Item = &'t str>, state: &State) -> Option<String> {
-    let understood = texts.filter_map(|text| Some((text, understood(text, state)?)));
-    let understood: Vec<(&str, Intent)> = understood.collect();
-    let first = || understood.first();
-    let (text, _) = understood.iter().find(|(_, intent)| names_are_units(intent, state)).or_else(first)?;
-    Some((*text).to_owned())
+fn command_among<'t>(texts: impl Iterator<Item = &'t String>, state: &State) -> Option<&'t String> {
+    let mut first = None;
+    for text in texts {
+        let Some(intent) = understood(text, state) else { continue };
+        if names_are_units(&intent, state) {
+            return Some(text);
+        }
+        first = first.or(Some(text));
+    }
+    first
 }
 
 fn names_are_units(intent: &Intent, state: &State) -> bool {

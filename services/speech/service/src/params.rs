@@ -57,6 +57,20 @@ pub(crate) enum SynthesizerChoice {
     None,
 }
 
+impl RecognizerChoice {
+    /// Whether it is a server that must be named.
+    pub(crate) fn is_server(self) -> bool {
+        matches!(self, Self::Openai | Self::Grpc)
+    }
+}
+
+impl SynthesizerChoice {
+    /// Whether it is a server that must be named.
+    pub(crate) fn is_server(self) -> bool {
+        matches!(self, Self::Openai | Self::Grpc)
+    }
+}
+
 /// Which recognizer and synthesizer, for the process and for its offline commands.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct BackendParams {
@@ -64,6 +78,8 @@ pub(crate) struct BackendParams {
     pub(crate) recognizer_server: ServerParams,
     pub(crate) model: Option<PathBuf>,
     pub(crate) language: String,
+    /// Whether texts have the times of their parts.
+    pub(crate) times: bool,
     pub(crate) synthesizer: SynthesizerChoice,
     pub(crate) synthesizer_server: ServerParams,
     pub(crate) voice: String,
@@ -138,6 +154,7 @@ impl Params {
             recognizer_server: self.recognizer_server.clone(),
             model: self.model.clone(),
             language: self.language.clone(),
+            times: false,
             synthesizer: self.synthesizer,
             synthesizer_server: self.synthesizer_server.clone(),
             voice: self.voice.clone(),

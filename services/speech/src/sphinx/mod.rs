@@ -22,8 +22,7 @@ use crate::audio::{SPEECH_RATE, duration_of};
 use crate::child_process::{Limits, Program};
 use crate::error::SpeechError;
 use crate::phrases::PhraseGrammar;
-use crate::recognizer::{MAX_UTTERANCE, Recognition, RecognizedWord, Recognizer, SHORTEST_VOICE};
-use crate::vad::voiced;
+use crate::recognizer::{MAX_UTTERANCE, Recognition, Recognizer, TimedText, has_voice};
 
 /// Where Debian's packages put the models.
 pub const MODELS: &str = "/usr/share/pocketsphinx/model/en-us";
@@ -153,7 +152,7 @@ impl Sphinx {
         self.prepare_grammar(phrases, limits)?;
         let Some(prepared) = &self.prepared else { return Err(SpeechError::Cancelled) };
         // A grammar finds a sentence in silence too, and free phones explain silence no better.
-        if prepared.is_empty || voiced(samples) < SHORTEST_VOICE {
+        if prepared.is_empty || !has_voice(samples) {
             return Ok(SphinxResult { recognition: Recognition::default(), features: None });
         }
         let folder = prepared.folder.path();
@@ -181,7 +180,7 @@ impl Sphinx {
             confidence,
             accepted: whole && confidence >= self.accepted_from,
             alternatives: Vec::new(),
-            words: grammar.iter().filter(|segment| !segment.is_filler()).map(recognized_word).collect(),
+            parts: grammar.iter().filter(|segment| !segment.is_filler()).map(timed_word).collect(),
             elapsed: began.elapsed(),
         };
         Ok(SphinxResult { recognition, features: Some(features) })
@@ -260,7 +259,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), SpeechError> {
     std::fs::write(path, bytes).map_err(|error| SpeechError::File(format!("{}: {error}", path.display())))
 }
 
-fn recognized_word(segment: &Segment) -> RecognizedWord {
+fn timed_word(segment: &Segment) -> TimedText {
     let at = |frame: usize| Duration::from_secs_f32(frame as f32 / FRAME_RATE);
-    RecognizedWord { word: segment.word.clone(), start: at(segment.start), end: at(segment.end) }
+    TimedText { text: segment.word.clone(), start: at(segment.start), end: at(segment.end) }
 }

@@ -1,15 +1,14 @@
 //! Whisper as one of the recognizers of `sg-speech`.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::{self, Alternative, Recognizer, SHORTEST_VOICE};
-use sg_speech::vad::voiced;
+use sg_speech::recognizer::{self, Alternative, Recognizer, TimedText, has_voice};
 
 use crate::error::WhisperError;
-use crate::model::{AudioContext, Whisper};
+use crate::model::{AudioContext, Hearing, Whisper};
 use crate::options::Options;
 use crate::phrase_scoring::PhraseSearch;
 use crate::phrases::Phrases;
@@ -38,6 +37,8 @@ pub struct RecognizerSettings {
     /// Texts that are followed where nobody expects them, from 1 to [`MAX_BEAMS`](crate::options::MAX_BEAMS). Those beside the best
     /// one are alternatives.
     pub beams: usize,
+    /// Whether parts of the text have times. They take a further decoding.
+    pub times: bool,
 }
 
 impl Default for RecognizerSettings {
@@ -49,6 +50,7 @@ impl Default for RecognizerSettings {
             language: None,
             prompt_slot: "unit".to_owned(),
             beams: 4,
+            times: false,
         }
     }
 }
@@ -85,6 +87,25 @@ impl WhisperRecognizer {
         Ok(phrases.map_or(0, |phrases| phrases.sentences().len()))
     }
 
+    /// When the parts of a text were said. An expected sentence is one part, as free text may spell it otherwise.
+    fn parts(&self, hearing: &Hearing, expected: Option<&str>, limits: &Limits) -> Result<Vec<TimedText>, SpeechError> {
+        if !self.settings.times {
+            return Ok(Vec::new());
+        }
+        let options = Options { timestamps: true, language: self.settings.language.clone(), ..Options::default() };
+        let segments = self.model.transcribe(hearing, &options, &limits.cancel).map_err(fault)?.segments;
+        let time = |seconds: f32| Duration::from_secs_f32(seconds.clamp(0.0, hearing.seconds));
+        // A text without an end goes on to the end of the sound.
+        let mut parts: Vec<TimedText> = segments
+            .into_iter()
+            .map(|s| TimedText { text: s.text, start: time(s.from), end: time(s.to.unwrap_or(hearing.seconds)) })
+            .collect();
+        if let (Some(text), Some(first), Some(last)) = (expected, parts.first(), parts.last()) {
+            parts = vec![TimedText { text: text.to_owned(), start: first.start, end: last.end }];
+        }
+        Ok(parts)
+    }
+
     fn options(&self, grammar: &PhraseGrammar) -> Options {
         let names: Vec<&str> = grammar.slot(&self.settings.prompt_slot).take(MAX_PROMPT_NAMES).collect();
         let prompt = (!names.is_empty()).then(|| format!("{}.", names.join(", ")));
@@ -109,7 +130,7 @@ impl Recognizer for WhisperRecognizer {
         limits: &Limits,
     ) -> Result<recognizer::Recognition, SpeechError> {
         let began = Instant::now();
-        if voiced(samples) < SHORTEST_VOICE {
+        if !has_voice(samples) {
             return Ok(recognizer::Recognition::default());
         }
         self.prepare_sentences(grammar)?;
@@ -121,6 +142,7 @@ impl Recognizer for WhisperRecognizer {
             return Ok(recognizer::Recognition {
                 confidence: free.average_log_probability.exp().clamp(0.0, 1.0),
                 text: unrepeated(&free.text),
+                parts: self.parts(&hearing, None, limits)?,
                 elapsed: began.elapsed(),
                 ..recognizer::Recognition::default()
             });
@@ -149,13 +171,14 @@ impl Recognizer for WhisperRecognizer {
             }
             _ => found.free.average_log_probability,
         };
+        let sentence = accepted.then(|| found.text.clone());
         Ok(recognizer::Recognition {
             text: if accepted { found.text } else { unrepeated(&found.text) },
             // The geometric mean of the tokens' probabilities.
             confidence: mean.exp().clamp(0.0, 1.0),
             accepted,
             alternatives,
-            words: Vec::new(),
+            parts: self.parts(&hearing, sentence.as_deref(), limits)?,
             elapsed: began.elapsed(),
         })
     }

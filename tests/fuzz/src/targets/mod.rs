@@ -7,6 +7,7 @@ pub(crate) mod language;
 pub(crate) mod messages;
 pub(crate) mod projects;
 pub(crate) mod scenes;
+pub(crate) mod sounds;
 pub(crate) mod texts;
 pub(crate) mod volumes;
 

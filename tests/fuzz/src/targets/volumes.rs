@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sg_volume::{Dataset, ReadOptions, TransferFunction, read_dataset};
+use sg_volume::{Dataset, ReadOptions, TransferFunction, read_dataset, read_series};
 
 use super::accepted;
 use crate::parts::Parts;
@@ -98,5 +98,22 @@ pub(crate) fn transfer_function(stage: &Stage, input: &[u8]) -> bool {
     let text = loaded.function.to_json().unwrap();
     let again = TransferFunction::load(&stage.write("copy.json", text.as_bytes()));
     assert_eq!(again.unwrap().function, loaded.function, "a transfer function reads back");
+    true
+}
+
+/// The first byte chooses the kind of series. Two of the files that it may name are there.
+pub(crate) fn series(stage: &Stage, input: &[u8]) -> bool {
+    let mut parts = Parts(input);
+    let name = if parts.byte().is_multiple_of(2) { "in.pvd" } else { "in.vti.series" };
+    ["a.vti", "b.vti"].iter().for_each(|name| drop(stage.keep(name, Vec::new)));
+    let path = stage.write(name, parts.rest());
+    let Some(steps) = accepted(read_series(&path), &path) else { return false };
+    assert!(!steps.is_empty(), "a series has a step");
+    let folder = stage.folder().canonicalize().unwrap();
+    for step in &steps {
+        let file = step.path.canonicalize().unwrap();
+        assert!(file.starts_with(&folder), "{} lies outside the folder", file.display());
+        assert!(step.time.is_none_or(f64::is_finite), "{:?}", step.time);
+    }
     true
 }

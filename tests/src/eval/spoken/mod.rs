@@ -51,6 +51,8 @@ pub struct Options {
     pub every: usize,
     /// Seed of the noise.
     pub seed: u64,
+    /// Folder of another Whisper model than the usual one.
+    pub model: Option<PathBuf>,
     /// The executable of the speech service.
     pub executable: PathBuf,
 }
@@ -211,7 +213,11 @@ pub fn run(options: &Options, progress: &dyn Fn(&str)) -> Result<Vec<Row>, EvalE
                 .collect::<Result<_, EvalError>>()?;
             for recognizer in &options.recognizers {
                 let files: Vec<PathBuf> = (0..said.len()).map(name).collect();
-                let lines = listen(&options.executable, recognizer, &files)?;
+                let model = options.model.as_deref().filter(|_| recognizer == "whisper");
+                let lines = listen(&options.executable, recognizer, model, &files)?;
+                let name =
+                    model.and_then(Path::file_name).map_or(recognizer.as_str().into(), |name| name.to_string_lossy());
+                let recognizer = &*name;
                 rows.extend(tally(&said, &seconds, &files, &lines, (recognizer, voice, *noise)));
                 let noise = noise.map_or_else(|| "clean".to_owned(), |db| format!("{db} dB"));
                 progress(&format!("{recognizer}, {voice}, {noise}: {} sentences", said.len()));
@@ -222,9 +228,17 @@ pub fn run(options: &Options, progress: &dyn Fn(&str)) -> Result<Vec<Row>, EvalE
 }
 
 /// Runs the recognizer over files.
-fn listen(executable: &Path, recognizer: &str, files: &[PathBuf]) -> Result<Vec<Line>, EvalError> {
+fn listen(
+    executable: &Path,
+    recognizer: &str,
+    model: Option<&Path>,
+    files: &[PathBuf],
+) -> Result<Vec<Line>, EvalError> {
     let mut command = Command::new(executable);
     command.args(["listen", "--json", "--recognizer", recognizer]);
+    if let Some(model) = model {
+        command.arg("--model").arg(model);
+    }
     command.args(UNITS.iter().flat_map(|unit| ["--unit", unit]));
     let output = command.args(files).stdin(Stdio::null()).output().map_err(|e| wrong(executable, e))?;
     if !matches!(output.status.code(), Some(0 | 1)) {

@@ -91,8 +91,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     params.endpoints().map_err(input)?;
     let chosen = params.backends();
     let runtime = Handle::current();
-    let hears = tokio::task::block_in_place(|| backends::recognizer(&chosen, &runtime)).map_err(input)?;
-    let speaks = backends::synthesizer(&chosen, &runtime).map_err(input)?;
+    let recognizer = tokio::task::block_in_place(|| backends::recognizer(&chosen, &runtime)).map_err(input)?;
+    let synthesizer = backends::synthesizer(&chosen, &runtime).map_err(input)?;
     let (microphone, output) = (Place::of(&params.input), Place::of(&params.output));
     if let Some(output) = &output {
         // A wrong path is known now and not at the first reply.
@@ -105,10 +105,10 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         }
         .into(),
         muted: params.muted,
-        recognizer: hears.shown(|r| r.name()),
-        synthesizer: speaks.shown(|s| s.name()),
-        remote: hears.leaves_this_machine(),
-        notice: [hears.notice, speaks.notice.filter(|_| output.is_some())]
+        recognizer: recognizer.shown(|r| r.name()),
+        synthesizer: synthesizer.shown(|s| s.name()),
+        remote: recognizer.leaves_this_machine(),
+        notice: [recognizer.notice, synthesizer.notice.filter(|_| output.is_some())]
             .into_iter()
             .flatten()
             .collect::<Vec<_>>()
@@ -132,12 +132,12 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     // The threads start before the actor has its mailbox. They have nothing to say until a message of the actor.
     let own = Arc::new(OnceLock::new());
     let own_mailbox = OwnMailbox(Arc::clone(&own));
-    let recognizer = hears.backend.map(|recognizer| {
+    let recognizer = recognizer.backend.map(|recognizer| {
         let own_mailbox = own_mailbox.clone();
         RecognitionThread::start(recognizer, move |report| own_mailbox.send(Message::Recognizer(report)))
     });
     let recognizer = recognizer.transpose().map_err(StartError::Failed)?;
-    let loudspeaker = speaks.backend.zip(output).map(|(synthesizer, output)| {
+    let loudspeaker = synthesizer.backend.zip(output).map(|(synthesizer, output)| {
         let own_mailbox = own_mailbox.clone();
         Loudspeaker::start(synthesizer, (output, params.output_rate), move |id, outcome| {
             own_mailbox.send(Message::Spoken { id, outcome });

@@ -241,10 +241,9 @@ impl Speech {
 
     /// Takes the result for the utterance that is awaited, or looks again in all of its sound.
     async fn take_result(&mut self, mut awaited: Awaited, outcome: Outcome) {
-        let is_command = |heard: &Recognition| {
-            commands::with_acceptance(heard.clone(), &self.recognitions.scene, self.params.free_text).accepted
-        };
-        let again = awaited.whole.take().filter(|_| !outcome.as_ref().is_ok_and(is_command));
+        let accept = |heard| commands::with_acceptance(heard, &self.recognitions.scene, self.params.free_text);
+        let outcome = outcome.map(accept);
+        let again = awaited.whole.take().filter(|_| !outcome.as_ref().is_ok_and(|heard| heard.accepted));
         if let Some(samples) = again
             && let Ok(running) = self.recognitions.begin(samples, self.dialogue.has_question())
         {
@@ -288,7 +287,7 @@ impl Speech {
         }
     }
 
-    /// Decides whether a text is a command.
+    /// Takes the text of an utterance, whose acceptance is decided.
     async fn understand(&mut self, turn: Turn, outcome: Outcome, voice_ended: Instant) {
         let recognition = match outcome {
             Ok(recognition) => recognition,
@@ -299,7 +298,6 @@ impl Speech {
                 return self.step_later(Event::NotUnderstood { turn });
             }
         };
-        let recognition = commands::with_acceptance(recognition, &self.recognitions.scene, self.params.free_text);
         let accepted = recognition.accepted;
         self.publish_recognition(&recognition, true, Some(voice_ended.elapsed())).await;
         if accepted {

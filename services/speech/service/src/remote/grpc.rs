@@ -9,8 +9,7 @@ use sg_speech::audio::{Recording, SPEECH_RATE, duration_of};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::{Recognition, Recognizer, SHORTEST_VOICE, Synthesizer};
-use sg_speech::vad::voiced;
+use sg_speech::recognizer::{Recognition, Recognizer, Synthesizer, has_voice};
 use tokio::runtime::Handle;
 
 use super::{
@@ -82,7 +81,7 @@ impl Recognizer for Grpc {
         limits: &Limits,
     ) -> Result<Recognition, SpeechError> {
         let began = Instant::now();
-        if voiced(samples) < SHORTEST_VOICE {
+        if !has_voice(samples) {
             return Ok(Recognition::default());
         }
         let time = self.server.time(limits);

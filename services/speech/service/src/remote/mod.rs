@@ -10,7 +10,7 @@ use std::future::Future;
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
-use sg_endpoint::{ApiKey, CallError, Endpoint, EndpointError, KeyError};
+use sg_endpoint::{ApiKey, CallError, Endpoint, EndpointError, KeyError, OPENAI};
 use sg_speech::audio::{Recording, SPEECH_RATE};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
@@ -21,8 +21,6 @@ use tokio::runtime::Handle;
 pub(crate) use grpc::Grpc;
 pub(crate) use openai::OpenAi;
 
-/// The endpoint of OpenAI.
-const OPENAI: &str = "https://api.openai.com/v1";
 /// Longest name of a model or a voice, bytes.
 const MAX_NAME_BYTES: usize = 200;
 /// Longest wait for an answer without a parameter.

@@ -9,8 +9,7 @@ use sg_speech::audio::{Recording, SPEECH_RATE};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
-use sg_speech::recognizer::{Recognition, Recognizer, SHORTEST_VOICE, Synthesizer};
-use sg_speech::vad::voiced;
+use sg_speech::recognizer::{Recognition, Recognizer, Synthesizer, has_voice};
 use tokio::runtime::Handle;
 
 use super::{
@@ -144,7 +143,7 @@ impl Recognizer for OpenAi {
         limits: &Limits,
     ) -> Result<Recognition, SpeechError> {
         let began = Instant::now();
-        if voiced(samples) < SHORTEST_VOICE {
+        if !has_voice(samples) {
             return Ok(Recognition::default());
         }
         let sound = encode_wav(&Recording { rate: SPEECH_RATE, samples: samples.to_vec() });

@@ -1,0 +1,51 @@
+//! Sounds, and models that listen to them.
+
+use std::io::Cursor;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use sg_speech::audio::Recording;
+use sg_speech::audio::wav::{decode_streamed_wav, decode_wav, read_wav};
+use sg_whisper::{AudioContext, Options, Precision, SAMPLE_RATE, Whisper};
+
+use super::accepted;
+use crate::stage::Stage;
+
+/// Longest sound.
+const LONGEST: Duration = Duration::from_secs(10);
+
+fn is_sound(recording: &Recording) -> bool {
+    assert!(recording.samples.iter().all(|sample| sample.is_finite()), "a sample is no number");
+    assert!(recording.duration() <= LONGEST, "{:?}", recording.duration());
+    true
+}
+
+/// A file, and the same bytes as a stream whose header claims too much.
+pub(crate) fn wav(stage: &Stage, input: &[u8]) -> bool {
+    let path = stage.write("in.wav", input);
+    let whole = accepted(read_wav(&path, LONGEST), &path);
+    let decoded = decode_wav(Cursor::new(input), LONGEST).ok();
+    assert_eq!(whole, decoded, "a file and its bytes are the same sound");
+    let streamed = decode_streamed_wav(input.to_vec(), LONGEST);
+    whole.iter().chain(streamed.iter()).all(is_sound) && (whole.is_some() || streamed.is_ok())
+}
+
+/// A model of CTranslate2 whose other files are right. One that opens listens to a sound.
+pub(crate) fn whisper_model(stage: &Stage, input: &[u8]) -> bool {
+    stage.write("model.bin", input);
+    stage.keep("config.json", || {
+        include_bytes!("../../../../services/speech/whisper/tests/fixtures/ctranslate2/config.json").to_vec()
+    });
+    stage.keep("tokenizer.json", || {
+        include_bytes!("../../../../services/speech/whisper/tests/fixtures/ctranslate2/tokenizer.json").to_vec()
+    });
+    let Some(model) = accepted(Whisper::open(stage.folder(), Precision::F32), stage.folder()) else { return false };
+    let never = AtomicBool::new(false);
+    let sound: Vec<f32> = (0..SAMPLE_RATE / 10).map(|at| (at as f32 * 0.1).sin()).collect();
+    let Ok(hearing) = model.listen(&sound, AudioContext::Frames(10), &never) else { return true };
+    let options = Options { most_tokens: 3, ..Options::default() };
+    if let Ok(text) = model.transcribe(&hearing, &options, &never) {
+        assert!(text.tokens.len() <= 3, "{} tokens", text.tokens.len());
+    }
+    true
+}
