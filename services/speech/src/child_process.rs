@@ -76,7 +76,7 @@ impl Program {
     ///
     /// # Errors
     /// [`SpeechError`]: it does not start, fails, writes more, is late or cancelled. Then it and its children are killed.
-    pub(crate) fn run(
+    pub fn run(
         &self,
         arguments: &[OsString],
         input: &[u8],

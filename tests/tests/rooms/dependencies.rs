@@ -7,7 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 23] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 24] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -25,6 +25,7 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 23] = [
     ("sg-encoders", &[]),
     ("sg-speech", &[]),
     ("sg-whisper", &[]),
+    ("sg-piper", &[]),
     ("sg-language", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),

@@ -393,6 +393,7 @@ const MAP: [(&str, &str, &[&str]); 38] = [
     ("services/layers", "sg-layers", &["sg-input"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),
     ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers", "sg-speech"]),
+    ("services/speech/piper", "sg-piper", &["sg-input", "sg-layers", "sg-speech"]),
     ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
     ("services/endpoint", "sg-endpoint", &[]),
     ("services/agents/llm", "sg-llm", &["sg-endpoint", "sg-language", "sg-proto"]),
