@@ -2,11 +2,7 @@
 //!
 //! `cargo bench -p sg-piper --bench voice`. It takes the voice that `ops/models.sh` gets, or the file that is given as an argument.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a bench prints its table and fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a bench prints its table and fails by panicking")]
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

@@ -117,7 +117,10 @@ impl Config {
         let odd = |(symbol, ids): &(&String, &Vec<u32>)| long(symbol) || ids.len() > MAX_IDS;
         if let Some((symbol, ids)) = file.phoneme_id_map.iter().find(odd) {
             let symbol = sg_input::printable(symbol);
-            let problem = format!("`{symbol}` with {} ids; a symbol has 1 to {MAX_SYMBOL} characters and at most {MAX_IDS} ids", ids.len());
+            let problem = format!(
+                "`{symbol}` with {} ids; a symbol has 1 to {MAX_SYMBOL} characters and at most {MAX_IDS} ids",
+                ids.len()
+            );
             return Err(wrong("phoneme_id_map", problem));
         }
         let odd = |(symbol, others): &(&String, &Vec<String>)| {
@@ -125,7 +128,8 @@ impl Config {
         };
         if let Some((symbol, _)) = file.phoneme_map.iter().find(odd) {
             let symbol = sg_input::printable(symbol);
-            let problem = format!("`{symbol}`; phonemes have 1 to {MAX_SYMBOL} characters, and at most {MAX_IDS} replace one");
+            let problem =
+                format!("`{symbol}`; phonemes have 1 to {MAX_SYMBOL} characters, and at most {MAX_IDS} replace one");
             return Err(wrong("phoneme_map", problem));
         }
         let phoneme_type = file.phoneme_type.unwrap_or(PhonemeType::Espeak);
@@ -144,7 +148,9 @@ impl Config {
         match self.ids.iter().find(unknown) {
             Some((symbol, ids)) => {
                 let symbol = sg_input::printable(symbol);
-                let problem = format!("`{symbol}` has ids {ids:?}, but the voice knows {symbols} symbols; take both from one voice");
+                let problem = format!(
+                    "`{symbol}` has ids {ids:?}, but the voice knows {symbols} symbols; take both from one voice"
+                );
                 Err(ModelError::config(&self.path, "phoneme_id_map", problem))
             }
             None => Ok(()),

@@ -75,11 +75,14 @@ impl Convolution {
         let blocks = outputs.values.par_chunks_mut(rows * self.outputs).enumerate();
         blocks.try_for_each(|(at, block)| {
             let steps = block.len() / self.outputs;
-            let side_by_side = Tensor::from_vec(self.side_by_side(signal, at * rows, steps), (steps, columns), &Device::Cpu)?;
+            let side_by_side =
+                Tensor::from_vec(self.side_by_side(signal, at * rows, steps), (steps, columns), &Device::Cpu)?;
             let product = side_by_side.matmul(&self.weights)?;
             let (storage, _) = product.storage_and_layout();
             let Storage::Cpu(storage) = &*storage else { return Ok(()) };
-            for (to, from) in block.chunks_exact_mut(self.outputs).zip(storage.as_slice::<f32>()?.chunks_exact(self.outputs)) {
+            for (to, from) in
+                block.chunks_exact_mut(self.outputs).zip(storage.as_slice::<f32>()?.chunks_exact(self.outputs))
+            {
                 let values = to.iter_mut().zip(from).zip(&self.bias);
                 if add {
                     values.for_each(|((to, from), bias)| *to += from + bias);
@@ -129,7 +132,7 @@ impl Upsampling {
         padding: usize,
     ) -> Result<Self, PiperError> {
         let before = (kernel - 1 - padding) / stride;
-        let behind = (stride - 1 + padding) / stride;
+        let behind = padding.div_ceil(stride);
         let taps = before + behind + 1;
         let mut phases = vec![0.0; stride * outputs * inputs * taps];
         for phase in 0..stride {
@@ -145,7 +148,8 @@ impl Upsampling {
                 }
             }
         }
-        let phases = Convolution::new([stride * outputs, inputs, taps], &phases, bias.repeat(stride), 1, [before, behind])?;
+        let phases =
+            Convolution::new([stride * outputs, inputs, taps], &phases, bias.repeat(stride), 1, [before, behind])?;
         Ok(Self { stride, outputs, phases })
     }
 

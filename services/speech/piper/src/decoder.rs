@@ -15,6 +15,8 @@ const LAST_SLOPE: f32 = 0.01;
 const PART: usize = 128;
 /// Most samples of a frame.
 const MAX_HOP: usize = 4096;
+/// Most values of a signal within a part. Published voices have 2 million.
+const MAX_VALUES: usize = 1 << 24;
 
 /// HiFi-GAN's generator.
 pub(crate) struct Decoder {
@@ -45,7 +47,8 @@ impl Decoder {
         let first = if two { "convs1" } else { "convs" };
         let blocks = weights.count(|at| format!("/dec/resblocks.{at}/{first}.0/Conv"))?;
         if !blocks.is_multiple_of(stages) {
-            let problem = format!("{blocks} residual blocks are no equal number for {stages} stages; get the voice again");
+            let problem =
+                format!("{blocks} residual blocks are no equal number for {stages} stages; get the voice again");
             return Err(weights.wrong("/dec/resblocks.0", problem));
         }
         let of_stage = blocks / stages;
@@ -68,7 +71,16 @@ impl Decoder {
             let of_blocks = stage.blocks.iter().map(ResidualBlock::reach).max().unwrap_or_default();
             (reach + of_blocks).div_ceil(stage.upsampling.stride) + stage.upsampling.phases.reach()
         });
-        Ok(Self { reach: reach + before.reach(), before, of_speaker, stages: all, behind, hop })
+        let reach = reach + before.reach();
+        let mut steps = PART + 2 * reach;
+        for (at, stage) in all.iter().enumerate() {
+            steps *= stage.upsampling.stride;
+            if steps * stage.upsampling.outputs > MAX_VALUES {
+                let problem = format!("{steps} steps at once would take too much memory; get the voice again");
+                return Err(weights.wrong(&format!("/dec/ups.{at}"), problem));
+            }
+        }
+        Ok(Self { reach, before, of_speaker, stages: all, behind, hop })
     }
 
     /// The samples of all frames, from −1 to 1.
@@ -135,9 +147,8 @@ impl ResidualBlock {
         let module = format!("/dec/resblocks.{at}");
         let kinds: &[&str] = if two { &["convs1", "convs2"] } else { &["convs"] };
         let count = weights.count(|step| format!("{module}/{}.{step}/Conv", kinds[0]))?;
-        let convolution = |kind: &str, step: usize| {
-            weights.convolution_to(&format!("{module}/{kind}.{step}"), width, width)
-        };
+        let convolution =
+            |kind: &str, step: usize| weights.convolution_to(&format!("{module}/{kind}.{step}"), width, width);
         let step = |step: usize| kinds.iter().map(|kind| convolution(kind, step)).collect::<Result<_, _>>();
         (0..count).map(step).collect::<Result<_, _>>().map(Self)
     }
@@ -158,5 +169,32 @@ impl ResidualBlock {
             last.add_to(&inner, &mut sum)?;
         }
         Ok(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made_voice::{Kind, MadeVoice, PRIOR};
+    use crate::noise::Noise;
+    use crate::onnx::OnnxFile;
+
+    #[test]
+    fn parts_are_those_of_the_whole() {
+        for two in [false, true] {
+            let written = MadeVoice::new(Kind { two, speakers: 1 }).write();
+            let file = OnnxFile::read(&written.path()).unwrap();
+            let decoder = Decoder::read(&VoiceWeights(&file.graph().unwrap()), PRIOR, None).unwrap();
+            assert_eq!(decoder.hop, 8);
+            let frames = Frames { width: PRIOR, values: Noise::new(9).numbers(200 * PRIOR, 1.0) };
+            let whole = decoder.in_parts(&frames, None, 1000, &|| Ok(())).unwrap();
+            assert_eq!(whole.len(), 200 * 8);
+            for part in [1, 7, PART] {
+                let parts = decoder.in_parts(&frames, None, part, &|| Ok(())).unwrap();
+                let pairs = parts.iter().zip(&whole);
+                let most = pairs.map(|(part, whole)| (part - whole).abs()).fold(0.0, f32::max);
+                assert!(parts.len() == whole.len() && most < 1e-6, "{part}: {most}");
+            }
+        }
     }
 }

@@ -56,8 +56,14 @@ fn every_truncation_and_changed_byte_is_an_error_or_a_voice() {
 #[test]
 fn weights_that_are_no_numbers_or_have_another_shape_are_refused() {
     let nan = |node: &'static str| changed(|voice| voice.weight(node).1[5] = f32::NAN);
-    assert_names(&nan("/dec/ups.1/ConvTranspose"), &["`/dec/ups.1/ConvTranspose`", "weight 5 is NaN", "get the voice again"]);
-    assert_names(&nan("/flow/flows.2/enc/in_layers.1/Conv"), &["`/flow/flows.2/enc/in_layers.1/Conv`", "weight 5 is NaN"]);
+    assert_names(
+        &nan("/dec/ups.1/ConvTranspose"),
+        &["`/dec/ups.1/ConvTranspose`", "weight 5 is NaN", "get the voice again"],
+    );
+    assert_names(
+        &nan("/flow/flows.2/enc/in_layers.1/Conv"),
+        &["`/flow/flows.2/enc/in_layers.1/Conv`", "weight 5 is NaN"],
+    );
     let error = changed(|voice| voice.tensors.get_mut("dp.flows.0.m").unwrap().1[0] = f32::INFINITY);
     assert_names(&error, &["`dp.flows.0.m`", "weight 0 is inf"]);
     let shaped = |node: &'static str, shape: Vec<usize>| {
@@ -81,7 +87,8 @@ fn weights_that_are_no_numbers_or_have_another_shape_are_refused() {
     }
     let error = changed(|voice| drop(voice.tensors.remove("enc_p.encoder.attn_layers.1.emb_rel_v")));
     assert_names(&error, &["`enc_p.encoder.attn_layers.1.emb_rel_v`", "not in the file"]);
-    let error = changed(|voice| voice.tensors.get_mut("enc_p.encoder.attn_layers.0.emb_rel_k").unwrap().0 = vec![2, 5, 2]);
+    let error =
+        changed(|voice| voice.tensors.get_mut("enc_p.encoder.attn_layers.0.emb_rel_k").unwrap().0 = vec![2, 5, 2]);
     assert_names(&error, &["emb_rel_k", "one odd number of positions for all heads"]);
 }
 
@@ -94,6 +101,9 @@ fn attributes_out_of_bounds_are_refused() {
         let error = with("/dec/resblocks.0/convs1.0/Conv", "dilations", vec![number]);
         assert_names(&error, &["`/dec/resblocks.0/convs1.0/Conv`", "`dilations` is out of bounds"]);
     }
+    assert_names(&with("/dec/conv_post/Conv", "pads", vec![2, 3]), &["padded by [2, 3]", "needs [3, 3]"]);
+    let error = with("/dp/convs/convs_sep.1/Conv", "pads", vec![6, 0]);
+    assert_names(&error, &["`/dp/convs/convs_sep.1/Conv`", "padded by [6, 0]"]);
     assert_names(&with("/dec/conv_post/Conv", "strides", vec![2]), &["a stride of 1"]);
     assert_names(&with("/dec/ups.0/ConvTranspose", "pads", vec![1, 3]), &["a stride and twice a padding"]);
 }
@@ -109,6 +119,30 @@ fn voices_of_other_kinds_are_refused_by_name() {
     assert_names(&error, &["`/dp/conv_1/Conv`", "without noise", "stochastic duration predictor"]);
     let error = changed(|voice| drop(voice.nodes.remove("/dec/resblocks.3/convs1.0/Conv")));
     assert_names(&error, &["3 residual blocks are no equal number for 2 stages"]);
+    // Voices whose sound would take all memory.
+    let error = changed(|voice| {
+        for (node, kernel) in [("/dec/ups.0/ConvTranspose", 255), ("/dec/ups.1/ConvTranspose", 255)] {
+            let (shape, values) = voice.weight(node);
+            shape[2] = kernel;
+            values.resize(shape.iter().product(), 0.0);
+            let attributes = &mut voice.nodes.get_mut(node).unwrap().attributes;
+            attributes.extend([("strides", vec![255]), ("pads", vec![0, 0])]);
+        }
+    });
+    assert_names(&error, &["`/dec/ups.1`", "a frame would have 65025 samples"]);
+    let error = changed(|voice| {
+        let (shape, values) = voice.weight("/dec/ups.1/ConvTranspose");
+        shape[2] = 255;
+        values.resize(shape.iter().product(), 0.0);
+        let attributes = &mut voice.nodes.get_mut("/dec/ups.1/ConvTranspose").unwrap().attributes;
+        attributes.extend([("strides", vec![255]), ("pads", vec![0, 0])]);
+        let node = "/dec/resblocks.0/convs1.0/Conv";
+        voice.nodes.get_mut(node).unwrap().attributes.extend([("dilations", vec![1000]), ("pads", vec![0, 0])]);
+        let (shape, values) = voice.weight(node);
+        shape[2] = 255;
+        values.resize(shape.iter().product(), 0.0);
+    });
+    assert_names(&error, &["`/dec/ups.1`", "too much memory"]);
     let error = changed(|voice| drop(voice.nodes.remove("/dp/cond/Conv")));
     assert_names(&error, &["`/dp/cond/Conv`", "no such node"]);
 }
@@ -125,9 +159,8 @@ fn millions_of_empty_parts_take_no_memory() {
 
 #[test]
 fn configurations_are_checked() {
-    let with = |key: &'static str, value: serde_json::Value| {
-        changed(|voice| *voice.config.pointer_mut(key).unwrap() = value)
-    };
+    let with =
+        |key: &'static str, value: serde_json::Value| changed(|voice| *voice.config.pointer_mut(key).unwrap() = value);
     assert_names(&with("/audio/sample_rate", json!(7)), &["made.onnx.json", "`audio.sample_rate`", "4000 to 192000"]);
     assert_names(&with("/inference/noise_scale", json!(-1)), &["`inference.noise_scale`", "0 to 4"]);
     assert_names(&with("/inference/length_scale", json!(1e9)), &["`inference.length_scale`", "0.1 to 10"]);

@@ -10,9 +10,10 @@ use tempfile::TempDir;
 
 use crate::noise::Noise;
 
-/// Components of a phoneme, of the prior, and between the layers of the flow and of the durations.
+/// Components of a phoneme, and between the layers of the flow and of the durations.
 const WIDTH: usize = 8;
-const PRIOR: usize = 6;
+/// Components of the prior.
+pub(crate) const PRIOR: usize = 6;
 const INNER: usize = 10;
 const SPEAKER: usize = 3;
 /// Symbols with ids: marks, space and letters.
@@ -64,15 +65,23 @@ impl Maker {
     }
 
     fn node(&mut self, name: &str, operation: &'static str, inputs: Vec<String>, attributes: &[(&'static str, i64)]) {
-        let attributes = attributes.iter().map(|(name, number)| {
-            (*name, if *name == "pads" { vec![*number; 2] } else { vec![*number] })
-        });
+        let attributes = attributes
+            .iter()
+            .map(|(name, number)| (*name, if *name == "pads" { vec![*number; 2] } else { vec![*number] }));
         self.voice.nodes.insert(name.to_owned(), MadeNode { operation, inputs, attributes: attributes.collect() });
     }
 
     /// A layer whose weight has lost its name, as that of a weight norm does.
-    fn layer(&mut self, module: &str, operation: &'static str, shape: [usize; 3], outputs: usize, attributes: &[(&'static str, i64)]) {
-        let (weight, bias) = (format!("onnx::{}", self.voice.tensors.len()), format!("{}.bias", &module[1..].replace('/', ".")));
+    fn layer(
+        &mut self,
+        module: &str,
+        operation: &'static str,
+        shape: [usize; 3],
+        outputs: usize,
+        attributes: &[(&'static str, i64)],
+    ) {
+        let (weight, bias) =
+            (format!("onnx::{}", self.voice.tensors.len()), format!("{}.bias", &module[1..].replace('/', ".")));
         let scale = 0.7 / ((shape[1].min(shape[0]) * shape[2]) as f32).sqrt();
         self.tensor(&weight, &shape, scale);
         self.tensor(&bias, &[outputs], 0.1);
@@ -157,7 +166,13 @@ impl Maker {
         let mut width = 8;
         for (stage, stride) in [4, 2].into_iter().enumerate() {
             let attributes = [("pads", stride as i64 / 2), ("strides", stride as i64)];
-            self.layer(&format!("/dec/ups.{stage}"), "ConvTranspose", [width, width / 2, 2 * stride], width / 2, &attributes);
+            self.layer(
+                &format!("/dec/ups.{stage}"),
+                "ConvTranspose",
+                [width, width / 2, 2 * stride],
+                width / 2,
+                &attributes,
+            );
             width /= 2;
             for (block, kernel) in [3, 5].into_iter().enumerate() {
                 let block = format!("/dec/resblocks.{}", 2 * stage + block);
@@ -244,7 +259,7 @@ impl MadeVoice {
     }
 }
 
-fn varint(mut number: u64) -> Vec<u8> {
+pub(crate) fn varint(mut number: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
     while number > 0x7f {
         bytes.push(number as u8 | 0x80);
@@ -254,6 +269,6 @@ fn varint(mut number: u64) -> Vec<u8> {
     bytes
 }
 
-fn bytes_field(field: u8, bytes: &[u8]) -> Vec<u8> {
+pub(crate) fn bytes_field(field: u8, bytes: &[u8]) -> Vec<u8> {
     [vec![(field << 3) | 2], varint(bytes.len() as u64), bytes.to_vec()].concat()
 }

@@ -16,6 +16,9 @@ use crate::weights::VoiceWeights;
 /// Most ids of one utterance. Its sound would be longer than a minute.
 pub(crate) const MAX_IDS: usize = 4096;
 
+/// Most frames of one utterance: a minute has 5,200 of most voices.
+const MAX_FRAMES: usize = 1 << 14;
+
 /// How a voice speaks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scales {
@@ -80,7 +83,11 @@ impl Network {
     pub(crate) fn speak(&self, request: &Request) -> Result<Vec<f32>, PiperError> {
         let Request { ids, scales, go_on, .. } = *request;
         if ids.len() > MAX_IDS {
-            let problem = format!("a sentence of {} phonemes is longer than the limit of {}; split it", ids.len() / 2, MAX_IDS / 2);
+            let problem = format!(
+                "a sentence of {} phonemes is longer than the limit of {}; split it",
+                ids.len() / 2,
+                MAX_IDS / 2
+            );
             return Err(PiperError::Limit(problem));
         }
         let row = |speakers: &Frames| speakers.between(request.speaker, request.speaker + 1);
@@ -89,7 +96,7 @@ impl Network {
         let text = self.encoder.apply(ids, go_on)?;
         let for_durations = Frames { width: 2, values: noise.numbers(2 * ids.len(), scales.duration_noise) };
         let logarithms = self.durations.apply(&text.hidden, speaker.as_ref(), for_durations, go_on)?;
-        let durations = durations(&logarithms, scales.length, request.most / self.decoder.hop)?;
+        let durations = durations(&logarithms, scales.length, self.most_frames(request))?;
         // Each phoneme's prior, for as many frames as it lasts, with noise (equation 4 in reverse).
         let mut state = Frames { width: text.means.width, values: Vec::new() };
         for (at, duration) in durations.iter().enumerate() {
@@ -103,17 +110,25 @@ impl Network {
         let state = self.flow.apply(state, speaker.as_ref(), go_on)?;
         let samples = self.decoder.apply(&state, speaker.as_ref(), go_on)?;
         match samples.iter().position(|sample| !sample.is_finite()) {
-            Some(at) => Err(candle_core::Error::Msg(format!("sample {at} of the sound is no number; get the voice again")).into()),
+            Some(at) => {
+                Err(candle_core::Error::Msg(format!("sample {at} of the sound is no number; get the voice again"))
+                    .into())
+            }
             None => Ok(samples),
         }
+    }
+
+    fn most_frames(&self, request: &Request) -> usize {
+        (request.most / self.decoder.hop).min(MAX_FRAMES)
     }
 
     /// The durations in frames of an utterance's ids.
     #[cfg(test)]
     pub(crate) fn durations(&self, request: &Request) -> Result<Vec<usize>, PiperError> {
         let text = self.encoder.apply(request.ids, request.go_on)?;
-        let logarithms = self.durations.apply(&text.hidden, None, Frames::zeros(request.ids.len(), 2), request.go_on)?;
-        durations(&logarithms, request.scales.length, request.most / self.decoder.hop)
+        let logarithms =
+            self.durations.apply(&text.hidden, None, Frames::zeros(request.ids.len(), 2), request.go_on)?;
+        durations(&logarithms, request.scales.length, self.most_frames(request))
     }
 }
 

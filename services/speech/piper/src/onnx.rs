@@ -163,7 +163,11 @@ impl<'a> Graph<'a> {
             FLOAT16 => (StoredType::F16, 2),
             BFLOAT16 => (StoredType::Bf16, 2),
             _ if tensor.external => (StoredType::F32, 4),
-            other => return Err(wrong(format!("its values have ONNX's type {other}; take a voice of floating-point weights"))),
+            other => {
+                return Err(wrong(format!(
+                    "its values have ONNX's type {other}; take a voice of floating-point weights"
+                )));
+            }
         };
         if tensor.external {
             return Err(wrong("its values lie in another file; take a voice whose one file has all weights".into()));
@@ -222,4 +226,59 @@ fn tensor_of(message: &[u8]) -> Result<(&str, StoredTensor<'_>), Broken> {
     }
     tensor.shape = shape.into_iter().map(|size| usize::try_from(size).map_err(|_| Broken)).collect::<Result<_, _>>()?;
     Ok((name, tensor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made_voice::{bytes_field, varint};
+
+    fn graph_of(parts: &[Vec<u8>]) -> OnnxFile {
+        OnnxFile { path: "x.onnx".into(), bytes: bytes_field(7, &parts.concat()) }
+    }
+
+    fn tensor(name: &str, data_type: u8, values_at: u8, values: &[u8]) -> Vec<u8> {
+        let head = [vec![1 << 3], varint(2), vec![2 << 3, data_type], bytes_field(8, name.as_bytes())].concat();
+        [head, bytes_field(values_at, values)].concat()
+    }
+
+    #[test]
+    fn weights_are_found_under_other_names_and_in_other_types() {
+        let floats: Vec<u8> = [1.5_f32, -2.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+        let constant = [
+            bytes_field(2, b"constant"),
+            bytes_field(4, b"Constant"),
+            bytes_field(5, &[bytes_field(1, b"value"), bytes_field(5, &tensor("", 1, 4, &floats))].concat()),
+        ];
+        let alias = |from: &str, to: &str| {
+            let texts = [bytes_field(1, from.as_bytes()), bytes_field(2, to.as_bytes()), bytes_field(4, b"Identity")];
+            bytes_field(1, &texts.concat())
+        };
+        let file = graph_of(&[
+            bytes_field(1, &constant.concat()),
+            alias("constant", "second"),
+            alias("second", "third"),
+            // A circle of names ends.
+            alias("a", "b"),
+            alias("b", "a"),
+            bytes_field(5, &tensor("half", 10, 9, &[0x00, 0x3e, 0x00, 0xc0])),
+            bytes_field(5, &tensor("whole", 7, 9, &[0; 16])),
+        ]);
+        let graph = file.graph().unwrap();
+        for name in ["constant", "third", "half"] {
+            assert_eq!(graph.values(name, graph.tensor(name).unwrap()).unwrap(), [1.5, -2.0], "{name}");
+        }
+        assert!(graph.tensor("a").is_none() && graph.tensor("none").is_none());
+        let error = graph.values("whole", graph.tensor("whole").unwrap()).unwrap_err().to_string();
+        assert_eq!(error, "x.onnx: `whole`: its values have ONNX's type 7; take a voice of floating-point weights");
+    }
+
+    #[test]
+    fn weights_in_other_files_are_refused() {
+        let file =
+            graph_of(&[bytes_field(5, &[tensor("far", 1, 9, &[]), bytes_field(13, b"x"), vec![14 << 3, 1]].concat())]);
+        let graph = file.graph().unwrap();
+        let error = graph.values("far", graph.tensor("far").unwrap()).unwrap_err().to_string();
+        assert!(error.contains("its values lie in another file"), "{error}");
+    }
 }

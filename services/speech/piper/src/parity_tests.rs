@@ -127,7 +127,8 @@ fn a_real_voice_speaks_commands() {
     assert_eq!((sound.rate, voice.unknown_phonemes()), (22_050, 0));
     let seconds = sound.duration().as_secs_f64();
     assert!((1.2..5.0).contains(&seconds), "{seconds} s");
-    let loudness = (sound.samples.iter().map(|sample| sample * sample).sum::<f32>() / sound.samples.len() as f32).sqrt();
+    let loudness =
+        (sound.samples.iter().map(|sample| sample * sample).sum::<f32>() / sound.samples.len() as f32).sqrt();
     assert!((0.01..0.3).contains(&loudness), "{loudness}");
     assert_eq!(sound, voice.speak("The sac is red. The bone is hidden.", &soon()).unwrap());
 }

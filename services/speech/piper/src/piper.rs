@@ -77,7 +77,8 @@ impl Piper {
             let names: Vec<&str> = self.config.speakers.keys().take(8).map(String::as_str).collect();
             let names = if names.is_empty() { "no names".to_owned() } else { names.join(", ") };
             let (last, names) = (self.speakers() - 1, sg_input::printable(&names).into_owned());
-            let problem = format!("the voice has no speaker “{}”; take 0 to {last} ({names})", sg_input::printable(speaker));
+            let problem =
+                format!("the voice has no speaker “{}”; take 0 to {last} ({names})", sg_input::printable(speaker));
             return Err(PiperError::Limit(problem));
         };
         self.speaker = number;

@@ -105,7 +105,8 @@ mod tests {
     fn fields_are_read_in_their_order() {
         // 1: 300; 2: "hi"; 3: a fixed number; 4: packed 1 and −1.
         let minus_one = [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01];
-        let message = [&[0x08, 0xac, 0x02, 0x12, 2, b'h', b'i', 0x1d, 1, 2, 3, 4, 0x22, 11, 1][..], &minus_one].concat();
+        let message =
+            [&[0x08, 0xac, 0x02, 0x12, 2, b'h', b'i', 0x1d, 1, 2, 3, 4, 0x22, 11, 1][..], &minus_one].concat();
         let fields: Vec<_> = Fields::of(&message).collect::<Result<_, _>>().unwrap();
         assert_eq!(fields[..2], [(1, Value::Varint(300)), (2, Value::Bytes(b"hi"))]);
         assert_eq!(fields[2], (3, Value::Fixed32([1, 2, 3, 4])));

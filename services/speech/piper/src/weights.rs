@@ -4,13 +4,15 @@
 //! keeps the module's name, such as `/flow/flows.0/enc/in_layers.0/Conv`. So weights are found through nodes, and the nodes also say
 //! strides, dilations and padding.
 
-use sg_layers::{MAX_WIDTH, ModelError};
+use sg_layers::ModelError;
 
 use crate::convolution::{Convolution, SeparableConvolution, Upsampling};
 use crate::error::PiperError;
 use crate::frames::{Frames, Norm};
 use crate::onnx::{Graph, Node, StoredTensor};
 
+/// Most components of a signal. Published voices have 768, and 1,536 for what distinguishes speakers.
+const MAX_WIDTH: usize = 2048;
 /// Most taps of a convolution.
 const MAX_KERNEL: usize = 255;
 /// Most steps between taps, and most outputs of an upsampling for each of its inputs.
@@ -76,11 +78,18 @@ impl VoiceWeights<'_> {
         let inputs = &self.node(node)?.inputs;
         let at = inputs.iter().position(|name| self.0.tensor(name).is_some()).unwrap_or(inputs.len());
         let (shape, values) = self.input(node, at)?;
-        if values.len() == length { Ok(values) } else { Err(self.other_shape(node, &shape, &format!("{length} values"))) }
+        if values.len() == length {
+            Ok(values)
+        } else {
+            Err(self.other_shape(node, &shape, &format!("{length} values")))
+        }
     }
 
     fn other_shape(&self, place: &str, found: &[usize], expected: &str) -> PiperError {
-        self.wrong(place, format!("its weights have shape {found:?}, but the voice needs {expected}; get the voice again"))
+        self.wrong(
+            place,
+            format!("its weights have shape {found:?}, but the voice needs {expected}; get the voice again"),
+        )
     }
 
     /// A tensor by its own name, of a known shape.
@@ -127,17 +136,24 @@ impl VoiceWeights<'_> {
             return Err(self.other_shape(node_name, &shape, "3 dimensions"));
         };
         if shape.iter().any(|size| !(1..=MAX_WIDTH).contains(size)) || shape[2] > MAX_KERNEL {
-            return Err(self.other_shape(node_name, &shape, &format!("widths to {MAX_WIDTH} and kernels to {MAX_KERNEL}")));
+            return Err(self.other_shape(
+                node_name,
+                &shape,
+                &format!("widths to {MAX_WIDTH} and kernels to {MAX_KERNEL}"),
+            ));
         }
         let bias = if node.inputs.len() > 2 { self.input(node_name, 2)?.1 } else { vec![0.0; shape[outputs_at]] };
         if bias.len() != shape[outputs_at] {
             let (found, outputs) = (bias.len(), shape[outputs_at]);
-            return Err(self.wrong(node_name, format!("it has {found} biases for {outputs} outputs; get the voice again")));
+            return Err(
+                self.wrong(node_name, format!("it has {found} biases for {outputs} outputs; get the voice again"))
+            );
         }
         let number = |attribute: &str, at: usize, otherwise: usize| {
             let found = node.numbers(attribute).get(at).copied();
             let number = found.map_or(Some(otherwise), |number| usize::try_from(number).ok());
-            let out_of_bounds = || self.wrong(node_name, format!("`{attribute}` is out of bounds; get the voice again"));
+            let out_of_bounds =
+                || self.wrong(node_name, format!("`{attribute}` is out of bounds; get the voice again"));
             number.filter(|number| *number <= MAX_STEPS).ok_or_else(out_of_bounds)
         };
         let padding = [number("pads", 0, 0)?, number("pads", 1, 0)?];
@@ -150,16 +166,35 @@ impl VoiceWeights<'_> {
         let node = format!("{module}/Conv");
         let parts = self.parts(&node, 0)?;
         if parts.shape[1] != inputs || parts.stride != 1 {
-            return Err(self.other_shape(&node, &parts.shape, &format!("outputs × {inputs} × kernel, and a stride of 1")));
+            return Err(self.other_shape(
+                &node,
+                &parts.shape,
+                &format!("outputs × {inputs} × kernel, and a stride of 1"),
+            ));
         }
-        // Some are padded by a node of their own, as much as the others by theirs.
-        let all = parts.dilation * (parts.shape[2] - 1);
-        let padding = [all / 2, all - all / 2];
+        let padding = self.even_padding(&node, &parts)?;
         Convolution::new(parts.shape, &parts.weights, parts.bias, parts.dilation, padding)
     }
 
+    /// The padding that makes the output as long as the input.
+    fn even_padding(&self, node: &str, parts: &Parts) -> Result<[usize; 2], PiperError> {
+        let all = parts.dilation * (parts.shape[2] - 1);
+        let even = [all / 2, all - all / 2];
+        // Some are padded by a node of their own, as much as the others by theirs.
+        if parts.padding == even || parts.padding == [0, 0] {
+            return Ok(even);
+        }
+        let problem = format!("it is padded by {:?}, but a voice needs {even:?}; get the voice again", parts.padding);
+        Err(self.wrong(node, problem))
+    }
+
     /// As [`Self::convolution`], with a known number of outputs.
-    pub(crate) fn convolution_to(&self, module: &str, inputs: usize, outputs: usize) -> Result<Convolution, PiperError> {
+    pub(crate) fn convolution_to(
+        &self,
+        module: &str,
+        inputs: usize,
+        outputs: usize,
+    ) -> Result<Convolution, PiperError> {
         let found = self.convolution(module, inputs)?;
         if found.outputs == outputs {
             return Ok(found);
@@ -185,6 +220,7 @@ impl VoiceWeights<'_> {
         if parts.shape[..2] != [width, 1] || parts.stride != 1 {
             return Err(self.other_shape(&node, &parts.shape, &format!("{width} × 1 × kernel, and a stride of 1")));
         }
+        self.even_padding(&node, &parts)?;
         Ok(SeparableConvolution::new([width, parts.shape[2]], &parts.weights, parts.bias, parts.dilation))
     }
 
