@@ -126,17 +126,19 @@ impl Decoder {
         }
         for stage in &self.stages {
             go_on()?;
-            let up = stage.upsampling.apply(&signal.rectified(SLOPE))?;
-            let mut sum = Frames::zeros(up.len(), up.width);
-            for block in &stage.blocks {
+            signal.rectify(SLOPE);
+            let up = stage.upsampling.apply(&signal)?;
+            let mut blocks = stage.blocks.iter();
+            signal = blocks.next().map_or_else(|| Ok(up.clone()), |block| block.apply(&up))?;
+            for block in blocks {
                 go_on()?;
-                sum.add(&block.apply(&up)?);
+                signal.add(&block.apply(&up)?);
             }
             let share = (stage.blocks.len() as f32).recip();
-            sum.each(|value| value * share);
-            signal = sum;
+            signal.each(|value| value * share);
         }
-        let mut samples = self.behind.apply(&signal.rectified(LAST_SLOPE))?;
+        signal.rectify(LAST_SLOPE);
+        let mut samples = self.behind.apply(&signal)?;
         samples.each(f32::tanh);
         Ok(samples.values)
     }
@@ -164,7 +166,8 @@ impl ResidualBlock {
             let Some((last, others)) = step.split_last() else { continue };
             let mut inner = sum.rectified(SLOPE);
             for convolution in others {
-                inner = convolution.apply(&inner)?.rectified(SLOPE);
+                inner = convolution.apply(&inner)?;
+                inner.rectify(SLOPE);
             }
             last.add_to(&inner, &mut sum)?;
         }

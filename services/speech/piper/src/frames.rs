@@ -49,13 +49,14 @@ impl Frames {
     }
 
     pub(crate) fn each(&mut self, function: impl Fn(f32) -> f32 + Sync) {
-        self.values.par_iter_mut().with_min_len(MIN_PART).for_each(|value| *value = function(*value));
+        let parts = self.values.par_chunks_mut(MIN_PART);
+        parts.for_each(|part| part.iter_mut().for_each(|value| *value = function(*value)));
     }
 
     /// Adds a signal of the same shape.
     pub(crate) fn add(&mut self, other: &Self) {
-        let pairs = self.values.par_iter_mut().with_min_len(MIN_PART).zip(&other.values);
-        pairs.for_each(|(value, other)| *value += other);
+        let parts = self.values.par_chunks_mut(MIN_PART).zip(other.values.par_chunks(MIN_PART));
+        parts.for_each(|(to, from)| to.iter_mut().zip(from).for_each(|(to, from)| *to += from));
     }
 
     /// Adds one row to each step.
@@ -65,10 +66,17 @@ impl Frames {
         }
     }
 
-    /// A copy with values below zero times `slope` (leaky ReLU; `0` is ReLU).
+    /// Multiplies values below zero by `slope`, which is less than one (leaky ReLU; `0` is ReLU).
+    pub(crate) fn rectify(&mut self, slope: f32) {
+        let parts = self.values.par_chunks_mut(MIN_PART);
+        parts.for_each(|part| part.iter_mut().for_each(|value| *value = value.max(slope * *value)));
+    }
+
+    /// A copy with values below zero times `slope`.
     pub(crate) fn rectified(&self, slope: f32) -> Self {
-        let mut copy = self.clone();
-        copy.each(|value| if value < 0.0 { slope * value } else { value });
+        let mut copy = Self::zeros(self.len(), self.width);
+        let parts = copy.values.par_chunks_mut(MIN_PART).zip(self.values.par_chunks(MIN_PART));
+        parts.for_each(|(to, from)| to.iter_mut().zip(from).for_each(|(to, from)| *to = from.max(slope * from)));
         copy
     }
 }
@@ -108,7 +116,11 @@ mod tests {
         let mut frames = Frames { width: 2, values: vec![1.0, 3.0, -5.0, 5.0] };
         assert_eq!((frames.len(), frames.row(1)), (2, &[-5.0, 5.0][..]));
         assert_eq!(frames.components(1, 2).values, [3.0, 5.0]);
-        assert_eq!(frames.rectified(0.1).values, [1.0, 3.0, -0.5, 5.0]);
+        let rectified = frames.rectified(0.1);
+        assert_eq!(rectified.values, [1.0, 3.0, -0.5, 5.0]);
+        let mut copy = frames.clone();
+        copy.rectify(0.1);
+        assert_eq!(copy, rectified);
         Norm { scale: vec![1.0, 2.0], shift: vec![0.0, 1.0] }.apply(&mut frames);
         for (found, expected) in frames.values.iter().zip([-1.0, 3.0, -1.0, 3.0]) {
             assert!((found - expected).abs() < 1e-4, "{frames:?}");

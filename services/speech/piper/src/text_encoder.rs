@@ -109,7 +109,8 @@ impl Layer {
         let mut sum = self.attention.apply(hidden)?;
         sum.add(hidden);
         self.norms[0].apply(&mut sum);
-        let inner = self.feed_forward[0].apply(&sum)?.rectified(0.0);
+        let mut inner = self.feed_forward[0].apply(&sum)?;
+        inner.rectify(0.0);
         self.feed_forward[1].add_to(&inner, &mut sum)?;
         self.norms[1].apply(&mut sum);
         Ok(sum)
