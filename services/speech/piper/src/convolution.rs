@@ -1,8 +1,10 @@
 //! Convolutions over time as products of matrices.
 //!
 //! A signal is cut into blocks of steps that fit a core's cache. The inputs of each step of a block are laid side by side, and
-//! one product of matrices gives the block's outputs. Cores share the blocks. A transposed convolution is a convolution whose outputs
-//! are all steps of a stride, side by side, which are already the steps in their order.
+//! one product of matrices gives the block's outputs. Cores share the blocks.
+//!
+//! A transposed convolution is a convolution too. Its outputs are all steps of a stride, side by side. These are already the steps in
+//! their order.
 
 use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;

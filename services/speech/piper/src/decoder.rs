@@ -1,7 +1,7 @@
 //! The decoder from the flow's output to samples: HiFi-GAN's generator (Kong et al. 2020, section 2.2 and appendix A.1).
 //!
-//! Long sounds are decoded in parts. Each part is computed with as many frames on both sides as its samples depend on, so that the
-//! parts are those of the whole.
+//! Long sounds are decoded in parts, which bounds the memory. Each part is computed with all frames on both sides that its samples
+//! depend on. So the parts are those of the whole.
 
 use crate::convolution::{Convolution, Upsampling};
 use crate::error::PiperError;

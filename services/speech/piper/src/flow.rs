@@ -1,5 +1,6 @@
-//! The flow from the text's prior to what the decoder takes, in reverse (Kim et al. 2021, section 2.1.2): affine couplings that keep the
-//! volume, each with a network as WaveNet's (Prenger et al. 2019).
+//! The flow from the text's prior to what the decoder takes, in reverse (Kim et al. 2021, section 2.1.2).
+//!
+//! It is a row of couplings that keep the volume. Each has a network with gates as WaveNet's (Prenger et al. 2019).
 
 use rayon::prelude::*;
 
@@ -27,7 +28,7 @@ struct Coupling {
 struct GatedLayer {
     /// Both halves of the gate.
     gate: Convolution,
-    /// What is added to the signal, then what is added to the output; the last layer has the output alone.
+    /// First what the signal gets more, then what the output gets. The last layer has the output alone.
     residual_and_skip: Convolution,
 }
 

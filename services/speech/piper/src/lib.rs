@@ -1,9 +1,10 @@
 //! Text to speech by the voices of Piper on processor cores.
 //!
 //! A voice is two files on this machine, `NAME.onnx` and `NAME.onnx.json`. Nothing is downloaded. [`Piper::open`] takes the weights
-//! out of the first one; the network is that of VITS (Kim, Kong and Son 2021, arXiv:2106.06103), written out here. Voices are
-//! supported that Piper's own exporter made, of all of its sizes (`x_low`, `low`, `medium`, `high`), with one speaker or several.
-//! espeak-ng gives the phonemes, as a child process.
+//! out of the first one. The network is that of VITS (Kim, Kong and Son 2021, arXiv:2106.06103), written out here.
+//!
+//! Piper's own exporter made the voices that are supported. They have any size (`x_low`, `low`, `medium`, `high`), and one speaker or
+//! several. espeak-ng gives the phonemes, as a child process.
 
 mod clauses;
 mod config;

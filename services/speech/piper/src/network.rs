@@ -1,5 +1,7 @@
-//! The network of a voice, from ids of phonemes to samples: VITS (Kim, Kong and Son 2021, "Conditional Variational Autoencoder with
-//! Adversarial Learning for End-to-End Text-to-Speech"), the path of inference.
+//! The network of a voice, from ids of phonemes to samples.
+//!
+//! It is the path of inference of VITS: Kim, Kong and Son 2021, "Conditional Variational Autoencoder with Adversarial Learning for
+//! End-to-End Text-to-Speech".
 
 use std::path::Path;
 

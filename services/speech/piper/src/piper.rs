@@ -114,8 +114,8 @@ impl Piper {
     /// Speaks a text, sentence by sentence. A text without letters or digits gives no samples.
     ///
     /// # Errors
-    /// [`PiperError`]: the text is longer than [`MAX_TEXT`] bytes or its sound would be longer than [`LONGEST`], the phonemes
-    /// fail, the deadline passes, or the work is cancelled.
+    /// [`PiperError`]: the text is longer than [`MAX_TEXT`] bytes, or its sound would be longer than [`LONGEST`]. The phonemes fail,
+    /// the deadline passes, or the work is cancelled.
     pub fn speak(&self, text: &str, limits: &Limits) -> Result<Recording, PiperError> {
         let mut sound = Recording { rate: self.rate(), samples: Vec::new() };
         if text.len() > MAX_TEXT {

@@ -60,6 +60,48 @@ fn speakers_differ_and_are_found_by_name_or_number() {
 }
 
 #[test]
+fn what_distinguishes_a_speaker_is_added_in_its_places() {
+    let mut several = MadeVoice::new(Kind { two: false, speakers: 3 });
+    let mut one = MadeVoice::new(PLAIN);
+    // Without weights, only the biases of these layers are added: to the layer before, or to each of the layers in a row.
+    let gates =
+        |flow: &str| (format!("{flow}/cond_layer"), vec![format!("{flow}/in_layers.0"), format!("{flow}/in_layers.1")]);
+    let places = [
+        ("/dp/cond".to_owned(), vec!["/dp/pre".to_owned()]),
+        ("/dec/cond".to_owned(), vec!["/dec/conv_pre".to_owned()]),
+        gates("/flow/flows.0/enc"),
+        gates("/flow/flows.2/enc"),
+    ];
+    let bias = |module: &str| format!("{}.bias", module[1..].replace('/', "."));
+    for (layer, into) in places {
+        several.weight(&format!("{layer}/Conv")).1.fill(0.0);
+        let added = several.tensors[&bias(&layer)].1.clone();
+        for (into, added) in into.iter().zip(added.chunks(added.len() / into.len())) {
+            let (_, biases) = one.tensors.get_mut(&bias(into)).unwrap();
+            biases.iter_mut().zip(added).for_each(|(bias, added)| *bias += added);
+        }
+    }
+    let [several, one] = [several, one].map(|voice| Piper::open(&voice.write().path(), None).unwrap());
+    let (found, expected) = (spoken(&several, "hide the bone"), spoken(&one, "hide the bone"));
+    assert_eq!(found.len(), expected.len());
+    let most = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(most < 1e-4, "{most}");
+    assert!(most < expected.iter().fold(0.0, |most: f32, sample| most.max(sample.abs())) / 10.0);
+}
+
+#[test]
+fn noise_varies_the_sound_and_can_be_left_out() {
+    let written = MadeVoice::new(PLAIN).write();
+    let with = |share: f32| Piper::open(&written.path(), None).unwrap().with_noise(share);
+    let sounds = [0.0, 0.5, 1.0].map(|share| spoken(&with(share).unwrap(), "undo"));
+    assert!(sounds[0] != sounds[1] && sounds[1] != sounds[2]);
+    assert_eq!(sounds[2], spoken(&Piper::open(&written.path(), None).unwrap(), "undo"));
+    for none in [-0.1, 1.1, f32::NAN] {
+        assert!(with(none).err().unwrap().to_string().contains("take 0 to 1"));
+    }
+}
+
+#[test]
 fn speed_changes_the_length() {
     let written = MadeVoice::new(PLAIN).write();
     let at = |speed: f32| {

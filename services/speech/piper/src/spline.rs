@@ -64,7 +64,7 @@ impl Spline {
         y + height * (slope * part * part + left * both) / (slope + (right + left - 2.0 * slope) * both)
     }
 
-    /// Where the spline has the value `y` (equations 6 to 8). The root is written so that nothing cancels.
+    /// Where the spline has the value `y` (appendix A.1): the root of a quadratic, written so that nothing cancels.
     pub(crate) fn inverse(&self, y: f32) -> f32 {
         if !(-BOUND..=BOUND).contains(&y) {
             return y;
