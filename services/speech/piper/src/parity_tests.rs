@@ -112,6 +112,13 @@ fn phonemes_are_those_of_piper() {
     ] {
         assert_eq!(espeak.sentences(text, &soon()).unwrap(), expected, "{text}");
     }
+    // The program sees several clauses in a long one.
+    let long = format!("{}, {}!", "red bone ".repeat(150).trim(), "blue sac ".repeat(40).trim());
+    let sentences = espeak.sentences(&long, &soon()).unwrap();
+    assert_eq!(sentences.len(), 1);
+    let words = |sentence: &str, part: &str| sentence.matches(part).count();
+    assert_eq!((words(&sentences[0], "bˈoʊn"), words(&sentences[0], "sˈæk")), (150, 40), "{}", sentences[0]);
+    assert!(sentences[0].contains(", ") && sentences[0].ends_with('!'));
     // Words of other languages are marked; the marks are no phonemes. Accents are signs of their own.
     let french = espeak.sentences("Déjà vu, garçon", &soon()).unwrap().join("");
     assert!(!french.contains(['(', ')', 'ç']), "{french}");
