@@ -39,6 +39,7 @@ fn is_here() -> bool {
         ("flite", Flite::find(path.as_deref(), "slt").is_ok()),
         ("pocketsphinx", sg_speech::sphinx::Sphinx::find(path.as_deref(), models).is_ok()),
         ("whisper-tiny.en", cache.join("models/whisper-tiny.en/model.bin").is_file()),
+        ("piper-en_US-joe-medium", cache.join("models/piper-en_US-joe-medium/en_US-joe-medium.onnx").is_file()),
     ];
     let missing: Vec<&str> = parts.iter().filter(|(_, there)| !there).map(|(name, _)| *name).collect();
     let is_required = std::env::var("SUPERGAUSSIAN_REQUIRE_TOOLS").is_ok_and(|v| v == "1");
@@ -232,13 +233,13 @@ fn sphinx_hears_while_a_button_is_held() {
     let room = Room::open(&[
         "service.speech.params.recognizer=sphinx",
         "service.speech.params.trigger=held",
-        "service.speech.params.synthesizer=espeak",
+        "service.speech.params.synthesizer=piper",
     ]);
     block_on(async {
         let cli = room.stack.join(role::CLI).await.unwrap();
         let mut texts = cli.subscribe(&keys::SPEECH_RECOGNITION, role::SPEECH, 256).await.unwrap();
         let idle = state(&cli, "a microphone", |s| !s.input.is_empty()).await;
-        assert_eq!(idle.recognizer, "sphinx");
+        assert_eq!((idle.recognizer.as_str(), idle.synthesizer.as_str()), ("sphinx", "piper"));
         // Nobody holds the button.
         let before = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision;
         room.say("hide the sac");

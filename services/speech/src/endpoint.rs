@@ -67,7 +67,7 @@ impl Default for EndpointSettings {
             onset: Duration::from_millis(48),
             pre_roll: Duration::from_millis(320),
             hang_over: Duration::from_millis(500),
-            pause: Duration::from_millis(160),
+            pause: Duration::from_millis(120),
             shortest: Duration::from_millis(96),
             longest: Duration::from_secs(15),
             partial_period: Duration::from_millis(500),

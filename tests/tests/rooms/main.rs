@@ -388,7 +388,17 @@ const MAP: [(&str, &str, &[&str]); 39] = [
     (
         "services/speech/service",
         "supergaussian-speech",
-        &["sg-endpoint", "sg-input", "sg-language", "sg-layers", "sg-proto", "sg-runtime", "sg-speech", "sg-whisper"],
+        &[
+            "sg-endpoint",
+            "sg-input",
+            "sg-language",
+            "sg-layers",
+            "sg-piper",
+            "sg-proto",
+            "sg-runtime",
+            "sg-speech",
+            "sg-whisper",
+        ],
     ),
     ("services/layers", "sg-layers", &["sg-input"]),
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),

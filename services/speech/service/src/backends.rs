@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sg_endpoint::Endpoint;
 use sg_layers::Precision;
+use sg_piper::Piper;
 use sg_speech::recognizer::{Recognizer, Synthesizer};
 use sg_speech::sphinx::{MODELS, Sphinx};
 use sg_speech::synthesis::{Espeak, Flite};
@@ -14,18 +15,21 @@ use tokio::runtime::Handle;
 use crate::params::{BackendParams, RecognizerChoice, SynthesizerChoice};
 use crate::remote::{Grpc, OpenAi, ServerError};
 
-/// Model that is used without a parameter, in the user's cache.
+/// Model and voice that are used without a parameter, in the user's cache.
 const USUAL_MODEL: &str = "models/whisper-tiny.en";
+const USUAL_VOICE: &str = "models/piper-en_US-joe-medium";
 /// Voice of espeak-ng without a parameter.
 const ESPEAK_VOICE: &str = "en-us";
 /// Voice of flite without a parameter.
 const FLITE_VOICE: &str = "slt";
+/// Most files of a voice's folder that are looked at.
+const MAX_FILES: usize = 1_000;
 /// Speed of espeak-ng.
 const WORDS_PER_MINUTE: u32 = 165;
 
-/// The folder of the usual model, if it is there.
-fn usual_model() -> Option<PathBuf> {
-    let cache = directories::ProjectDirs::from("", "", "supergaussian")?.cache_dir().join(USUAL_MODEL);
+/// A folder in the user's cache, if it is there.
+fn cached(folder: &str) -> Option<PathBuf> {
+    let cache = directories::ProjectDirs::from("", "", "supergaussian")?.cache_dir().join(folder);
     cache.is_dir().then_some(cache)
 }
 
@@ -47,6 +51,19 @@ fn sphinx(language: &str) -> Result<Box<dyn Recognizer>, String> {
     }
     let sphinx = Sphinx::find(search_path().as_deref(), Path::new(MODELS)).map_err(|e| e.to_string())?;
     Ok(Box::new(sphinx))
+}
+
+/// The Piper voice in a folder. `speaker`: one of the voice's speakers, or empty.
+fn piper(folder: &Path, speaker: &str) -> Result<Box<dyn Synthesizer>, String> {
+    let shown = || sg_input::printable(&folder.display().to_string()).into_owned();
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("`voice_model`: {}: {e}", shown()))?;
+    let files = entries.flatten().take(MAX_FILES).map(|entry| entry.path());
+    let mut voices = files.filter(|path| path.extension().is_some_and(|extension| extension == "onnx"));
+    let (Some(voice), None) = (voices.next(), voices.next()) else {
+        return Err(format!("`voice_model`: {}: name a folder with one voice, NAME.onnx and NAME.onnx.json", shown()));
+    };
+    let piper = Piper::open(&voice, search_path().as_deref()).map_err(|e| e.to_string())?;
+    Ok(Box::new(if speaker.is_empty() { piper } else { piper.with_speaker(speaker).map_err(|e| e.to_string())? }))
 }
 
 /// A backend, and a line about what is missing for one or for a better one.
@@ -89,7 +106,7 @@ impl<T> Chosen<T> {
 /// # Errors
 /// One line: a recognizer that was chosen by name is not there.
 pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Chosen<Box<dyn Recognizer>>, String> {
-    let model = params.model.clone().or_else(usual_model);
+    let model = params.model.clone().or_else(|| cached(USUAL_MODEL));
     let server = &params.recognizer_server;
     let fault = |error: ServerError| format!("`recognizer_server`: {error}");
     match (params.recognizer, model) {
@@ -132,7 +149,14 @@ pub(crate) fn synthesizer(params: &BackendParams, runtime: &Handle) -> Result<Ch
     let flite = || Flite::find(path.as_deref(), &voice(FLITE_VOICE)).map_err(|e| e.to_string());
     let fault = |error: ServerError| format!("`synthesizer_server`: {error}");
     let server = &params.synthesizer_server;
+    // A voice that is named is one of the other synthesizers', unless the folder of a Piper voice is named too.
+    let usual_voice = || cached(USUAL_VOICE).filter(|_| params.voice.is_empty());
     Ok(match params.synthesizer {
+        SynthesizerChoice::Piper => {
+            let folder = params.voice_model.clone().or_else(|| cached(USUAL_VOICE));
+            let folder = folder.ok_or("no Piper voice; name its folder by `voice_model`, or run ops/models.sh")?;
+            Chosen::found(piper(&folder, &params.voice)?)
+        }
         SynthesizerChoice::Openai => {
             let backend = OpenAi::synthesizer(server, &params.voice, runtime).map_err(fault)?;
             Chosen::remote(backend.endpoint(), Box::new(backend))
@@ -144,10 +168,42 @@ pub(crate) fn synthesizer(params: &BackendParams, runtime: &Handle) -> Result<Ch
         SynthesizerChoice::None => Chosen::NONE,
         SynthesizerChoice::Espeak => Chosen::found(Box::new(espeak()?)),
         SynthesizerChoice::Flite => Chosen::found(Box::new(flite()?)),
-        SynthesizerChoice::Auto => match (espeak(), flite()) {
-            (Ok(espeak), _) => Chosen::found(Box::new(espeak)),
-            (Err(_), Ok(flite)) => Chosen::found(Box::new(flite)),
-            (Err(missing), Err(_)) => Chosen::missing(format!("replies are not spoken: {missing}")),
-        },
+        SynthesizerChoice::Auto => {
+            if let Some(folder) = &params.voice_model {
+                return Ok(Chosen::found(piper(folder, &params.voice)?));
+            }
+            let unused = match usual_voice().map(|folder| piper(&folder, "")) {
+                Some(Ok(piper)) => return Ok(Chosen::found(piper)),
+                Some(Err(problem)) => Some(format!("the Piper voice is not used: {problem}")),
+                None => None,
+            };
+            match (espeak(), flite()) {
+                (Ok(espeak), _) => Chosen { notice: unused, ..Chosen::found(Box::new(espeak)) },
+                (Err(_), Ok(flite)) => Chosen { notice: unused, ..Chosen::found(Box::new(flite)) },
+                (Err(missing), Err(_)) => Chosen::missing(format!("replies are not spoken: {missing}")),
+            }
+        }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_without_one_voice_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |folder: &Path| piper(folder, "").err().unwrap();
+        let names_folder = |message: &str| message.starts_with(&format!("`voice_model`: {}", folder.path().display()));
+        let message = refused(folder.path());
+        assert!(names_folder(&message) && message.contains("NAME.onnx.json"), "{message}");
+        std::fs::write(folder.path().join("a.onnx"), b"no voice").unwrap();
+        let message = refused(folder.path());
+        assert!(message.contains("a.onnx.json"), "{message}");
+        std::fs::write(folder.path().join("b.onnx"), b"another").unwrap();
+        let message = refused(folder.path());
+        assert!(names_folder(&message) && message.contains("one voice"), "{message}");
+        let message = refused(&folder.path().join("none"));
+        assert!(names_folder(&message), "{message}");
+    }
 }

@@ -91,7 +91,10 @@ pub(crate) struct Speak {
     synthesizer: SynthesizerChoice,
     #[command(flatten)]
     server: ServerArgs,
-    /// Voice, as the synthesizer names it, such as `en-us` or `slt`
+    /// Folder of a Piper voice: NAME.onnx and NAME.onnx.json
+    #[arg(long, value_name = "FOLDER")]
+    voice_model: Option<PathBuf>,
+    /// Voice, as the synthesizer names it, such as `en-us` or `slt`; of Piper the speaker
     #[arg(long, default_value = "")]
     voice: String,
 }
@@ -262,6 +265,7 @@ fn say(arguments: &Speak) -> Result<(), String> {
     let params = BackendParams {
         synthesizer: arguments.synthesizer,
         synthesizer_server: arguments.server.params(arguments.synthesizer.is_server(), "--synthesizer")?,
+        voice_model: arguments.voice_model.clone(),
         voice: arguments.voice.clone(),
         ..BackendParams::default()
     };

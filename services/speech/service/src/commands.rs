@@ -16,7 +16,7 @@ const WELL_HEARD: f32 = 0.5;
 const LIKELY: f32 = -4.0;
 
 /// Log-likelihood from which another text is clearly likelier than an expected sentence that was accepted.
-const LIKELIER: f32 = 3.0;
+const LIKELIER: f32 = 5.0;
 
 /// What people say for yes and no.
 const YES: [&str; 5] = ["yes", "yes please", "yes do it", "confirm", "go ahead"];
@@ -174,7 +174,7 @@ mod tests {
         let free = [("Bring the bone back.", 8.0), ("Bring the bone bag.", 6.0)];
         assert_eq!(heard("put the bone back", true, &free), owned(true, "Bring the bone back."));
         assert_eq!(
-            heard("put the bone back", true, &[("Bring the bone back.", 1.0)]),
+            heard("put the bone back", true, &[("Bring the bone back.", 4.0)]),
             owned(true, "put the bone back")
         );
         assert_eq!(heard("put the bone back", true, &[("What a nice day.", 9.0)]), owned(true, "put the bone back"));

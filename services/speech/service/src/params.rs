@@ -42,9 +42,11 @@ pub(crate) enum RecognizerChoice {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SynthesizerChoice {
-    /// The first one that is installed
+    /// Piper if there is a voice, else espeak-ng or flite, whichever is installed
     #[default]
     Auto,
+    /// A neural voice of Piper in a folder
+    Piper,
     /// espeak-ng
     Espeak,
     /// flite
@@ -82,6 +84,7 @@ pub(crate) struct BackendParams {
     pub(crate) times: bool,
     pub(crate) synthesizer: SynthesizerChoice,
     pub(crate) synthesizer_server: ServerParams,
+    pub(crate) voice_model: Option<PathBuf>,
     pub(crate) voice: String,
 }
 
@@ -115,11 +118,13 @@ pub(crate) struct Params {
     pub(crate) model: Option<PathBuf>,
     /// Code of the spoken language, such as `en`; empty: a model of many languages finds it out.
     pub(crate) language: String,
-    /// Synthesizer: `auto`, `espeak`, `flite`, `openai`, `grpc`, `none`.
+    /// Synthesizer: `auto`, `piper`, `espeak`, `flite`, `openai`, `grpc`, `none`.
     pub(crate) synthesizer: SynthesizerChoice,
     /// Server of the synthesizers `openai` and `grpc`.
     pub(crate) synthesizer_server: ServerParams,
-    /// Voice of the synthesizer; empty for its default.
+    /// Folder of a Piper voice.
+    pub(crate) voice_model: Option<PathBuf>,
+    /// Voice of the synthesizer, of Piper the speaker; empty for its default.
     pub(crate) voice: String,
 }
 
@@ -141,6 +146,7 @@ impl Default for Params {
             language: String::new(),
             synthesizer: SynthesizerChoice::default(),
             synthesizer_server: ServerParams::default(),
+            voice_model: None,
             voice: String::new(),
         }
     }
@@ -157,6 +163,7 @@ impl Params {
             times: false,
             synthesizer: self.synthesizer,
             synthesizer_server: self.synthesizer_server.clone(),
+            voice_model: self.voice_model.clone(),
             voice: self.voice.clone(),
         }
     }

@@ -19,13 +19,15 @@ const FIRST_TOKENS: usize = 8;
 pub struct Acceptance {
     /// Least log-likelihood ratio to free text (natural logarithm), bonuses included.
     pub least_ratio: f32,
+    /// Ratio from which a sentence is taken at once. Below it, the free text is looked for again with the beams of the options.
+    pub clear_ratio: f32,
     /// What each token adds to a log-probability: [`TOKEN_BONUS`].
     pub token_bonus: f32,
 }
 
 impl Default for Acceptance {
     fn default() -> Self {
-        Self { least_ratio: -11.0, token_bonus: TOKEN_BONUS }
+        Self { least_ratio: -11.0, clear_ratio: -5.0, token_bonus: TOKEN_BONUS }
     }
 }
 
@@ -83,10 +85,12 @@ impl Whisper {
         // Nobody speaks faster. A text that repeats itself ends here at the latest.
         let most = FIRST_TOKENS + (TOKENS_OF_SECOND * hearing.seconds) as usize;
         let options = Options { most_tokens: options.most_tokens.min(most), ..options };
-        let free = self.decode_freely(hearing, &mut start, &options, cancel)?;
-        let Acceptance { least_ratio, token_bonus: bonus } = acceptance;
+        let greedy = Options { beams: 1, ..options.clone() };
+        let mut free = self.decode_freely(hearing, &mut start, &greedy, cancel)?;
+        let Acceptance { least_ratio, clear_ratio, token_bonus: bonus } = acceptance;
         let with_bonus = |sum: f32, tokens: usize| sum + bonus * tokens as f32;
-        let free_sum = with_bonus(free.log_probability, free.tokens.len() + 1);
+        let sum_of = |free: &Transcript| with_bonus(free.log_probability, free.tokens.len() + 1);
+        let free_sum = sum_of(&free);
         let comparison = Comparison { bonus, least: free_sum + least_ratio };
         let scores = self.score_phrases(hearing, &mut start, phrases, search, comparison, cancel)?;
         let mut sums: Vec<(f32, PhraseScore)> = scores
@@ -94,6 +98,12 @@ impl Whisper {
             .map(|score| (with_bonus(score.log_probability, phrases.lengths[score.sentence]), score))
             .collect();
         sums.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        // What fits clearly needs no other text to compare with, and most commands do.
+        let is_clear = sums.first().is_some_and(|(sum, _)| sum - free_sum >= clear_ratio);
+        if options.beams > 1 && !is_clear {
+            free = self.decode_freely(hearing, &mut start, &options, cancel)?;
+        }
+        let free_sum = sum_of(&free);
         let best = sums.first().map(|(sum, score)| Candidate {
             sentence: score.sentence,
             log_probability: score.log_probability,

@@ -152,7 +152,7 @@ fn calibrate(model: &Whisper, phrases: &Phrases, arguments: &Arguments) {
                 let samples = with_noise(&voice.speak(sentence), *noise, at as u64);
                 let hearing = model.listen(&samples, arguments.context, &NEVER).unwrap();
                 for token_bonus in BONUSES {
-                    let acceptance = Acceptance { token_bonus, least_ratio: -40.0 };
+                    let acceptance = Acceptance { token_bonus, least_ratio: -40.0, ..Acceptance::default() };
                     let search = PhraseSearch::default();
                     let found = model.recognize(&hearing, phrases, search, acceptance, &prompt(), &NEVER).unwrap();
                     let best = found.best.map(|best| phrases.sentences()[best.sentence].as_str()).unwrap_or_default();
