@@ -8,6 +8,7 @@
 
 #![allow(
     clippy::unwrap_used,
+    clippy::panic,
     clippy::print_stdout,
     reason = "a bench fails by its helpers and prints what it measured"
 )]
@@ -119,7 +120,7 @@ impl Loudspeaker {
             let mut bytes = [0_u8; 4_096];
             while let Ok(count) = pipe.read(&mut bytes) {
                 let samples = bytes[..count].chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]]));
-                if samples.into_iter().any(|sample| f32::from(sample) / 32_767.0 > AUDIBLE) {
+                if samples.into_iter().any(|sample| f32::from(sample).abs() / 32_767.0 > AUDIBLE) {
                     noted.lock().unwrap().get_or_insert_with(Instant::now);
                 }
             }
@@ -159,6 +160,12 @@ async fn quiet(bus: &Bus) {
         }
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
+    panic!("the speech service has been busy for {} s", PATIENCE.as_secs());
+}
+
+/// Takes what is left of the command before.
+async fn drain<M: Clone>(stream: &mut Subscription<M>) {
+    while tokio::time::timeout(Duration::from_millis(20), stream.next()).await.is_ok_and(|next| next.is_some()) {}
 }
 
 fn spoken(sentence: &str) -> Recording {
@@ -175,6 +182,8 @@ async fn measure(stack: &Stack, microphone: &Microphone, loudspeaker: &Loudspeak
     let sentences: Vec<(&str, Recording)> = COMMANDS.iter().map(|sentence| (*sentence, spoken(sentence))).collect();
     for (sentence, sound) in (0..rounds).flat_map(|_| &sentences) {
         quiet(&cli).await;
+        drain(&mut texts).await;
+        drain(&mut commits).await;
         *loudspeaker.sounded.lock().unwrap() = None;
         let ended = tokio::task::block_in_place(|| microphone.say(sound));
         let since = |instant: Instant| instant.saturating_duration_since(ended).as_secs_f64() * 1e3;

@@ -58,6 +58,16 @@ pub struct Recognition {
     pub elapsed: Duration,
 }
 
+impl Recognition {
+    /// The same sound as another text, whose only part is the whole.
+    #[must_use]
+    pub fn with_text(self, text: String) -> Self {
+        let ends = self.parts.first().zip(self.parts.last()).map(|(first, last)| (first.start, last.end));
+        let parts = ends.map(|(start, end)| TimedText { text: text.clone(), start, end });
+        Self { text, parts: parts.into_iter().collect(), ..self }
+    }
+}
+
 /// Turns an utterance into text.
 pub trait Recognizer: Send {
     /// Its name, such as "sphinx".

@@ -87,6 +87,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "whisper-model" => {
             vec![include_bytes!("../../../services/speech/whisper/tests/fixtures/ctranslate2/model.bin").to_vec()]
         }
+        "piper-voice" => vec![include_bytes!("../../../services/speech/piper/tests/fixtures/made.onnx").to_vec()],
         _ => Vec::new(),
     }
 }

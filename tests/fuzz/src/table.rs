@@ -100,6 +100,13 @@ pub const TARGETS: &[Target] = &[
         65_536,
         sounds::whisper_model,
     ),
+    target(
+        "piper-voice",
+        "voices of Piper in ONNX files",
+        Memory { free: 256 << 20, each: 256 },
+        65_536,
+        sounds::piper_voice,
+    ),
 ];
 
 /// The target of this name.

@@ -489,6 +489,7 @@ const MAP: [(&str, &str, &[&str]); 39] = [
             "sg-formats",
             "sg-input",
             "sg-language",
+            "sg-piper",
             "sg-proto",
             "sg-reclassify",
             "sg-runtime",

@@ -129,10 +129,9 @@ impl Decoder {
             signal.rectify(SLOPE);
             let up = stage.upsampling.apply(&signal)?;
             let mut blocks = stage.blocks.iter();
-            signal = blocks.next().map_or_else(|| Ok(up.clone()), |block| block.apply(&up))?;
+            signal = blocks.next().map_or_else(|| Ok(up.clone()), |block| block.apply(&up, go_on))?;
             for block in blocks {
-                go_on()?;
-                signal.add(&block.apply(&up)?);
+                signal.add(&block.apply(&up, go_on)?);
             }
             let share = (stage.blocks.len() as f32).recip();
             signal.each(|value| value * share);
@@ -160,9 +159,10 @@ impl ResidualBlock {
         self.0.iter().flatten().map(Convolution::reach).sum()
     }
 
-    fn apply(&self, signal: &Frames) -> Result<Frames, PiperError> {
+    fn apply(&self, signal: &Frames, go_on: &dyn Fn() -> Result<(), PiperError>) -> Result<Frames, PiperError> {
         let mut sum = signal.clone();
         for step in &self.0 {
+            go_on()?;
             let Some((last, others)) = step.split_last() else { continue };
             let mut inner = sum.rectified(SLOPE);
             for convolution in others {

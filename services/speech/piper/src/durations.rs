@@ -81,13 +81,12 @@ impl DurationPredictor {
         if let (Some(layer), Some(speaker)) = (&self.of_speaker, speaker) {
             text.add_row(&layer.apply(speaker)?.values);
         }
-        let text = self.behind.apply(&self.network.apply(text)?)?;
+        let text = self.behind.apply(&self.network.apply(text, go_on)?)?;
         let mut state = noise;
         let flip = |state: &mut Frames| state.rows_mut().for_each(|row| row.swap(0, 1));
         for flow in &self.flows {
-            go_on()?;
             flip(&mut state);
-            flow.apply(&mut state, &text)?;
+            flow.apply(&mut state, &text, go_on)?;
         }
         flip(&mut state);
         let (shift, factor) = self.last;
@@ -109,8 +108,9 @@ impl SeparableStack {
         (0..count).map(layer).collect::<Result<_, _>>().map(Self)
     }
 
-    fn apply(&self, mut sum: Frames) -> Result<Frames, PiperError> {
+    fn apply(&self, mut sum: Frames, go_on: &dyn Fn() -> Result<(), PiperError>) -> Result<Frames, PiperError> {
         for layer in &self.0 {
+            go_on()?;
             let mut step = layer.of_components.apply(&sum);
             layer.norms[0].apply(&mut step);
             step.each(gelu);
@@ -138,11 +138,16 @@ impl SplineFlow {
         Ok(Self { before, network, parameters, bins })
     }
 
-    fn apply(&self, state: &mut Frames, text: &Frames) -> Result<(), PiperError> {
+    fn apply(
+        &self,
+        state: &mut Frames,
+        text: &Frames,
+        go_on: &dyn Fn() -> Result<(), PiperError>,
+    ) -> Result<(), PiperError> {
         let mut inner = self.before.apply(&state.components(0, 1))?;
         inner.add(text);
         let scale = (inner.width as f32).sqrt().recip();
-        let mut parameters = self.parameters.apply(&self.network.apply(inner)?)?;
+        let mut parameters = self.parameters.apply(&self.network.apply(inner, go_on)?)?;
         for (row, parameters) in state.rows_mut().zip(parameters.rows_mut()) {
             let (shares, derivatives) = parameters.split_at_mut(2 * self.bins);
             shares.iter_mut().for_each(|share| *share *= scale);

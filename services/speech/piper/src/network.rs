@@ -40,7 +40,7 @@ pub(crate) struct Request<'a> {
     /// Most samples of the sound.
     pub(crate) most: usize,
     pub(crate) seed: u64,
-    /// Ends the work with an error. It is asked between layers.
+    /// Ends the work with an error. It is called before each layer.
     pub(crate) go_on: &'a dyn Fn() -> Result<(), PiperError>,
 }
 
@@ -136,6 +136,10 @@ impl Network {
 
 /// Whole numbers of frames, at most `most` in all and at least one.
 fn durations(logarithms: &[f32], scale: f32, most: usize) -> Result<Vec<usize>, PiperError> {
+    let too_long = || PiperError::Limit("the sound would be longer than a minute; split the text".into());
+    if most == 0 {
+        return Err(too_long());
+    }
     let mut frames: Vec<usize> = Vec::with_capacity(logarithms.len());
     let mut all = 0;
     for logarithm in logarithms {
@@ -144,7 +148,7 @@ fn durations(logarithms: &[f32], scale: f32, most: usize) -> Result<Vec<usize>, 
         let fits = duration <= most as f32;
         all += if fits { duration as usize } else { most + 1 };
         if all > most {
-            return Err(PiperError::Limit("the sound would be longer than a minute; split the sentence".into()));
+            return Err(too_long());
         }
         frames.push(duration as usize);
     }
@@ -165,7 +169,8 @@ mod tests {
         assert_eq!(durations(&[f32::NEG_INFINITY; 2], 1.0, 10).unwrap(), [0, 1]);
         for hostile in [f32::NAN, f32::INFINITY, 80.0, 3.0] {
             let error = durations(&[two, hostile], 1.0, 10).unwrap_err().to_string();
-            assert!(error.contains("split the sentence"), "{error}");
+            assert!(error.contains("split the text"), "{error}");
         }
+        assert!(durations(&[f32::NEG_INFINITY], 1.0, 0).is_err());
     }
 }

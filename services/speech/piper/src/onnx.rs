@@ -3,6 +3,7 @@
 //! The messages are those of `onnx.proto` (ONNX's IR). Only the fields that are used here are read; tensors stay where they are in
 //! the file's bytes until they are asked for.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +67,8 @@ pub(crate) struct Graph<'a> {
     nodes: HashMap<&'a str, Node<'a>>,
     /// Results that are their operation's input unchanged.
     aliases: HashMap<&'a str, &'a str>,
+    /// Values that may still be taken: nodes may share a tensor, and each takes a copy.
+    left: Cell<usize>,
 }
 
 impl OnnxFile {
@@ -84,8 +87,14 @@ impl OnnxFile {
             }
         }
         let Some(message) = graph else { return Err(broken(Broken)) };
-        let mut found =
-            Graph { path: &self.path, tensors: HashMap::new(), nodes: HashMap::new(), aliases: HashMap::new() };
+        let mut found = Graph {
+            path: &self.path,
+            tensors: HashMap::new(),
+            nodes: HashMap::new(),
+            aliases: HashMap::new(),
+            // A value takes two bytes of a file at least, so each can be taken twice.
+            left: Cell::new(self.bytes.len()),
+        };
         for (count, field) in Fields::of(message).enumerate() {
             if count > 4 * MAX_PARTS {
                 let problem = format!("its graph has more than {} parts; it is no voice", 4 * MAX_PARTS);
@@ -177,6 +186,10 @@ impl<'a> Graph<'a> {
             let (bytes, shape) = (tensor.bytes.len(), &tensor.shape);
             return Err(wrong(format!("it has {bytes} bytes of values for shape {shape:?}; get the voice again")));
         }
+        let Some(left) = self.left.get().checked_sub(tensor.bytes.len() / size) else {
+            return Err(wrong("too many nodes share the file's weights; get the voice again".into()));
+        };
+        self.left.set(left);
         let values = to_f32(tensor.bytes, stored);
         match values.iter().position(|value| !value.is_finite()) {
             Some(at) => Err(wrong(format!("weight {at} is {}, which is no number; get the voice again", values[at]))),
@@ -280,5 +293,17 @@ mod tests {
         let graph = file.graph().unwrap();
         let error = graph.values("far", graph.tensor("far").unwrap()).unwrap_err().to_string();
         assert!(error.contains("its values lie in another file"), "{error}");
+    }
+
+    #[test]
+    fn nodes_that_share_a_tensor_take_no_more_than_the_file_has() {
+        let file = graph_of(&[bytes_field(5, &tensor("half", 10, 9, &[0x00, 0x3e, 0x00, 0xc0]))]);
+        let graph = file.graph().unwrap();
+        let shared = graph.tensor("half").unwrap();
+        let taken =
+            std::iter::repeat_with(|| graph.values("here", shared)).take_while(Result::is_ok).take(1000).count();
+        assert!(2 * taken <= file.bytes.len() && taken >= 2, "{taken}");
+        let error = graph.values("here", shared).unwrap_err().to_string();
+        assert_eq!(error, "x.onnx: `here`: too many nodes share the file's weights; get the voice again");
     }
 }

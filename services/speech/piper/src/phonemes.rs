@@ -15,6 +15,8 @@ use crate::error::PiperError;
 const MAX_PHONEMES: usize = 1 << 18;
 /// Most characters of a voice's name.
 const MAX_VOICE: usize = 40;
+/// Most clauses that get a process each.
+const MAX_CLAUSES: usize = 64;
 
 /// Ids of one sentence.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,7 +52,8 @@ impl Phonemizer {
     /// The phonemes of each sentence of a text, decomposed (Unicode's NFD) as voices have learnt them.
     pub(crate) fn sentences(&self, text: &str, limits: &Limits) -> Result<Vec<String>, PiperError> {
         let decomposed = |text: &str| DecomposingNormalizerBorrowed::new_nfd().normalize(text).into_owned();
-        let Self::Espeak { program, voice } = self else { return Ok(vec![decomposed(text)]) };
+        // Voices of characters have learnt small letters.
+        let Self::Espeak { program, voice } = self else { return Ok(vec![decomposed(&text.to_lowercase())]) };
         let clauses = clauses(text);
         let phonemes = phonemes(program, voice, &clauses, limits)?;
         let (mut sentences, mut sentence) = (Vec::new(), String::new());
@@ -88,6 +91,11 @@ fn phonemes(program: &Program, voice: &str, clauses: &[Clause], limits: &Limits)
     let lines = run(&all.join("\n\n"))?;
     if lines.len() == clauses.len() {
         return Ok(lines);
+    }
+    if clauses.len() > MAX_CLAUSES {
+        let problem =
+            format!("a text of {} clauses is longer than the limit of {MAX_CLAUSES}; split it", clauses.len());
+        return Err(PiperError::Limit(problem));
     }
     all.iter().map(|clause| run(clause).map(|lines| lines.join(" "))).collect()
 }

@@ -139,7 +139,7 @@ impl Piper {
                 ids: &ids,
                 speaker: self.speaker,
                 scales: self.scales,
-                most: most - sound.samples.len(),
+                most: most.saturating_sub(sound.samples.len()),
                 seed: SEED,
                 go_on: &go_on,
             };

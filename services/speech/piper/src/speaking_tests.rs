@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -126,7 +127,7 @@ fn texts_are_bounded_and_work_ends_when_it_should() {
     assert!(error(&voice, &"x".repeat(MAX_TEXT), &soon()).contains("split it"));
     made.tensors.insert("dp.flows.0.m".into(), (vec![2, 1], vec![-8.0, 0.0]));
     let slow = Piper::open(&made.write().path(), None).unwrap();
-    assert!(error(&slow, &"slow ".repeat(40), &soon()).contains("longer than a minute; split the sentence"));
+    assert!(error(&slow, &"slow ".repeat(40), &soon()).contains("longer than a minute; split the text"));
     let limits = soon();
     limits.cancel.store(true, Ordering::Relaxed);
     assert_eq!(error(&voice, "undo", &limits), "the work was cancelled");
@@ -142,4 +143,25 @@ fn unknown_phonemes_are_left_out_and_counted() {
     assert_eq!(voice.unknown_phonemes(), 0);
     assert_eq!(spoken(&voice, "§ça§ va"), known);
     assert_eq!(voice.unknown_phonemes(), 2);
+}
+
+/// Files of a made voice that others start from, such as the fuzzer.
+fn fixture() -> [(PathBuf, Vec<u8>); 2] {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let voice = MadeVoice::new(PLAIN);
+    let config = format!("{:#}\n", voice.config).into_bytes();
+    [(folder.join("made.onnx"), voice.onnx()), (folder.join("made.onnx.json"), config)]
+}
+
+#[test]
+#[ignore = "writes tests/fixtures"]
+fn write_the_fixture() {
+    fixture().into_iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
+}
+
+#[test]
+fn the_fixture_is_the_made_voice() {
+    for (path, bytes) in fixture() {
+        assert!(std::fs::read(&path).unwrap() == bytes, "{}: run the test `write_the_fixture`", path.display());
+    }
 }

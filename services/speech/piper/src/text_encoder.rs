@@ -86,8 +86,7 @@ impl TextEncoder {
         let scale = (self.width() as f32).sqrt();
         hidden.each(|value| value * scale);
         for layer in &self.layers {
-            go_on()?;
-            hidden = layer.apply(&hidden)?;
+            hidden = layer.apply(&hidden, go_on)?;
         }
         let prior = self.projection.apply(&hidden)?;
         let half = self.prior_width();
@@ -105,8 +104,8 @@ impl Layer {
         Ok(Self { attention, norms: [norm(1)?, norm(2)?], feed_forward: [first, second] })
     }
 
-    fn apply(&self, hidden: &Frames) -> Result<Frames, PiperError> {
-        let mut sum = self.attention.apply(hidden)?;
+    fn apply(&self, hidden: &Frames, go_on: &dyn Fn() -> Result<(), PiperError>) -> Result<Frames, PiperError> {
+        let mut sum = self.attention.apply(hidden, go_on)?;
         sum.add(hidden);
         self.norms[0].apply(&mut sum);
         let mut inner = self.feed_forward[0].apply(&sum)?;
@@ -145,7 +144,7 @@ impl Attention {
         })
     }
 
-    fn apply(&self, hidden: &Frames) -> Result<Frames, PiperError> {
+    fn apply(&self, hidden: &Frames, go_on: &dyn Fn() -> Result<(), PiperError>) -> Result<Frames, PiperError> {
         let mut query = self.query.apply(hidden)?;
         let scale = (self.head_width as f32).sqrt().recip();
         query.each(|value| value * scale);
@@ -158,6 +157,7 @@ impl Attention {
             let queries = part(&query);
             let (keys, values) = (tensor(part(&key))?.t()?, tensor(part(&value))?);
             for first in (0..length).step_by(MAX_QUERIES) {
+                go_on()?;
                 let rows = queries.between(first, length.min(first + MAX_QUERIES));
                 let found = self.attend(&rows, first, &keys, &values)?;
                 for (row, found) in found.rows().enumerate() {

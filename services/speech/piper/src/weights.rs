@@ -17,6 +17,8 @@ const MAX_WIDTH: usize = 2048;
 const MAX_KERNEL: usize = 255;
 /// Most steps between taps, and most outputs of an upsampling for each of its inputs.
 const MAX_STEPS: usize = 1024;
+/// Most weights of a layer. The largest one of a published voice has two million.
+const MAX_WEIGHTS: usize = 1 << 23;
 /// Most parts of one kind in a row, such as the layers of an encoder.
 const MAX_PARTS: usize = 64;
 
@@ -141,6 +143,9 @@ impl VoiceWeights<'_> {
                 &shape,
                 &format!("widths to {MAX_WIDTH} and kernels to {MAX_KERNEL}"),
             ));
+        }
+        if weights.len() > MAX_WEIGHTS {
+            return Err(self.other_shape(node_name, &shape, &format!("at most {MAX_WEIGHTS} weights in a layer")));
         }
         let bias = if node.inputs.len() > 2 { self.input(node_name, 2)?.1 } else { vec![0.0; shape[outputs_at]] };
         if bias.len() != shape[outputs_at] {

@@ -63,7 +63,11 @@ fn piper(folder: &Path, speaker: &str) -> Result<Box<dyn Synthesizer>, String> {
         return Err(format!("`voice_model`: {}: name a folder with one voice, NAME.onnx and NAME.onnx.json", shown()));
     };
     let piper = Piper::open(&voice, search_path().as_deref()).map_err(|e| e.to_string())?;
-    Ok(Box::new(if speaker.is_empty() { piper } else { piper.with_speaker(speaker).map_err(|e| e.to_string())? }))
+    Ok(Box::new(if speaker.is_empty() {
+        piper
+    } else {
+        piper.with_speaker(speaker).map_err(|e| format!("`voice`: {e}"))?
+    }))
 }
 
 /// A backend, and a line about what is missing for one or for a better one.
@@ -108,25 +112,27 @@ impl<T> Chosen<T> {
 pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Chosen<Box<dyn Recognizer>>, String> {
     let model = params.model.clone().or_else(|| cached(USUAL_MODEL));
     let server = &params.recognizer_server;
+    // An empty code leaves it to the recognizer.
+    let language = if params.language == "auto" { "" } else { params.language.as_str() };
     let fault = |error: ServerError| format!("`recognizer_server`: {error}");
     match (params.recognizer, model) {
         (RecognizerChoice::None, _) => Ok(Chosen::NONE),
         (RecognizerChoice::Openai, _) => {
-            let backend = OpenAi::recognizer(server, &params.language, runtime).map_err(fault)?;
+            let backend = OpenAi::recognizer(server, language, runtime).map_err(fault)?;
             Ok(Chosen::remote(backend.endpoint(), Box::new(backend)))
         }
         (RecognizerChoice::Grpc, _) => {
-            let backend = Grpc::recognizer(server, &params.language, runtime).map_err(fault)?;
+            let backend = Grpc::recognizer(server, language, runtime).map_err(fault)?;
             Ok(Chosen::remote(backend.endpoint(), Box::new(backend)))
         }
         (RecognizerChoice::Whisper | RecognizerChoice::Auto, Some(folder)) => {
-            Ok(Chosen::found(whisper(&folder, &params.language, params.times)?))
+            Ok(Chosen::found(whisper(&folder, language, params.times)?))
         }
         (RecognizerChoice::Whisper, None) => {
             Err("no Whisper model; name its folder by `model`, or run ops/models.sh".to_owned())
         }
-        (RecognizerChoice::Sphinx, _) => Ok(Chosen::found(sphinx(&params.language)?)),
-        (RecognizerChoice::Auto, None) => Ok(match sphinx(&params.language) {
+        (RecognizerChoice::Sphinx, _) => Ok(Chosen::found(sphinx(language)?)),
+        (RecognizerChoice::Auto, None) => Ok(match sphinx(language) {
             Ok(sphinx) => {
                 let better = "pocketsphinx hears; a Whisper model hears better, name its folder by `model`";
                 Chosen { notice: Some(better.to_owned()), ..Chosen::found(sphinx) }

@@ -7,13 +7,13 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use sg_input::print;
 use sg_language::grammar::sample_observation;
-use sg_speech::audio::SPEECH_RATE;
 use sg_speech::audio::resample::resample;
 use sg_speech::audio::sink::WavSink;
 use sg_speech::audio::wav::{MAX_DURATION, read_wav};
+use sg_speech::audio::{SPEECH_RATE, duration_of};
 use sg_speech::child_process::Limits;
 use sg_speech::endpoint::{Endpoint, EndpointSettings, Endpointer};
-use sg_speech::recognizer::Recognition;
+use sg_speech::recognizer::{Recognition, TimedText};
 use sg_speech::sentences::sentences;
 use sg_speech::speaker::speak;
 use sg_speech::vad::GatedDetector;
@@ -68,8 +68,8 @@ pub(crate) struct Listen {
     /// Folder of a Whisper model, in the layout of Hugging Face or CTranslate2
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Code of the spoken language, such as `en`; without one, a model of many languages finds it out
-    #[arg(long, default_value = "")]
+    /// Code of the spoken language; with `auto` a model of many languages finds it out
+    #[arg(long, default_value = "en")]
     language: String,
     /// Print each utterance as JSON, with its begin and the time of its recognition
     #[arg(long)]
@@ -138,12 +138,21 @@ impl ServerArgs {
     }
 }
 
-/// The message of a wrong server, with the options of the command line in place of the parameters of a launch file.
+/// The message of a backend, with the options of the command line in place of the parameters of a launch file.
 fn as_options(message: String) -> String {
-    let Some((_, own)) = message.split_once("_server`: ") else { return message };
-    let options = [("`endpoint`", "--endpoint"), ("`model`", "--server-model"), ("`key_env`", "--key-env")];
-    let own = options.iter().fold(own.to_owned(), |text, (parameter, option)| text.replace(parameter, option));
-    own.replace("`insecure = true`", "--insecure")
+    let of_server = message.split_once("_server`: ").map(|(_, of_server)| of_server.to_owned());
+    let model = if of_server.is_some() { "--server-model" } else { "--model" };
+    let options = [
+        ("`endpoint`", "--endpoint"),
+        ("`model`", model),
+        ("`key_env`", "--key-env"),
+        ("`insecure = true`", "--insecure"),
+        ("`voice_model`", "--voice-model"),
+        ("`voice`", "--voice"),
+        ("`language`", "--language"),
+    ];
+    let message = of_server.unwrap_or(message);
+    options.iter().fold(message, |text, (parameter, option)| text.replace(parameter, option))
 }
 
 /// The runtime of requests to servers.
@@ -201,7 +210,12 @@ fn listen(arguments: &Listen) -> Result<ExitCode, String> {
         for (start, samples) in utterances(file)? {
             let limits = Limits::within(LONGEST);
             let heard = recognizer.recognize(&samples, &expected, &limits).map_err(|e| e.to_string())?;
-            let heard = commands::with_acceptance(heard, &scene, false);
+            let mut heard = commands::with_acceptance(heard, &scene, false);
+            if arguments.times && heard.parts.is_empty() && !heard.text.is_empty() {
+                // A recognizer without times heard it somewhere in the utterance.
+                let end = duration_of(samples.len(), SPEECH_RATE);
+                heard.parts.push(TimedText { text: heard.text.clone(), start: Duration::ZERO, end });
+            }
             is_command |= heard.accepted;
             let line = line_of(file, start, &heard, arguments);
             print::result(&line).map_err(|e| format!("standard output: {e}"))?;
@@ -262,6 +276,9 @@ fn line_of(file: &Path, start: u64, heard: &Recognition, arguments: &Listen) -> 
 }
 
 fn say(arguments: &Speak) -> Result<(), String> {
+    if arguments.voice_model.is_some() && !arguments.synthesizer.takes_voice_model() {
+        return Err("--voice-model is the folder of a Piper voice; add --synthesizer piper".to_owned());
+    }
     let params = BackendParams {
         synthesizer: arguments.synthesizer,
         synthesizer_server: arguments.server.params(arguments.synthesizer.is_server(), "--synthesizer")?,
@@ -281,4 +298,27 @@ fn say(arguments: &Speak) -> Result<(), String> {
     let mut sink = WavSink::create(&arguments.out, RATE).map_err(|e| e.to_string())?;
     speak(all.into_iter(), &*synthesizer, &mut sink, &Limits::within(LONGEST)).map_err(|e| e.to_string())?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_name_the_options_of_the_command_line() {
+        for (message, shown) in [
+            (
+                "`recognizer_server`: `model` is missing, for example whisper-1",
+                "--server-model is missing, for example whisper-1",
+            ),
+            (
+                "no Whisper model; name its folder by `model`, or run ops/models.sh",
+                "no Whisper model; name its folder by --model, or run ops/models.sh",
+            ),
+            ("`voice_model`: /v: name a folder", "--voice-model: /v: name a folder"),
+            ("`voice`: the voice has no speaker “x”", "--voice: the voice has no speaker “x”"),
+        ] {
+            assert_eq!(as_options(message.to_owned()), shown);
+        }
+    }
 }

@@ -15,7 +15,8 @@ const WELL_HEARD: f32 = 0.5;
 /// Least log-likelihood of another text beside the best one that may be a command.
 const LIKELY: f32 = -4.0;
 
-/// Log-likelihood from which another text is clearly likelier than an expected sentence that was accepted.
+/// Log-likelihood from which another text is clearly likelier than an expected sentence that was accepted. Whisper looks for such
+/// texts below its `clear_ratio`, which is the negative of this.
 const LIKELIER: f32 = 5.0;
 
 /// What people say for yes and no.
@@ -55,8 +56,10 @@ pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool)
         // The same words are better as the scene spells them.
         let other =
             likelier.find(|text| is_command(text)).filter(|text| spoken::words(text) != spoken::words(&heard.text));
-        let text = other.unwrap_or(&heard.text).clone();
-        return Recognition { text, ..heard };
+        return match other.cloned() {
+            Some(text) => heard.with_text(text),
+            None => heard,
+        };
     }
     if heard.text.is_empty() || any_text {
         return Recognition { accepted: !heard.text.is_empty(), ..heard };
@@ -64,7 +67,8 @@ pub(crate) fn with_acceptance(heard: Recognition, state: &State, any_text: bool)
     let others = heard.alternatives.iter().filter(|other| other.score >= LIKELY).map(|other| &other.text);
     let texts = std::iter::once(&heard.text).chain(others).filter(|_| heard.confidence >= WELL_HEARD);
     match command_among(texts, state).cloned() {
-        Some(text) => Recognition { accepted: true, text, ..heard },
+        Some(text) if text == heard.text => Recognition { accepted: true, ..heard },
+        Some(text) => Recognition { accepted: true, ..heard.with_text(text) },
         None => heard,
     }
 }
@@ -111,7 +115,7 @@ pub(crate) fn answer(text: &str) -> Option<bool> {
 
 #[cfg(test)]
 mod tests {
-    use sg_speech::recognizer::Alternative;
+    use sg_speech::recognizer::{Alternative, TimedText};
 
     use super::*;
 
@@ -178,6 +182,24 @@ mod tests {
             owned(true, "put the bone back")
         );
         assert_eq!(heard("put the bone back", true, &[("What a nice day.", 9.0)]), owned(true, "put the bone back"));
+    }
+
+    #[test]
+    fn another_text_is_one_part_in_the_same_time() {
+        let seconds = std::time::Duration::from_secs_f32;
+        let part =
+            |text: &str, start, end| TimedText { text: text.to_owned(), start: seconds(start), end: seconds(end) };
+        let heard = Recognition {
+            text: "put the bone back".to_owned(),
+            accepted: true,
+            alternatives: vec![Alternative { text: "Bring the bone back.".to_owned(), score: 8.0 }],
+            parts: vec![part("put the", 0.5, 0.75), part("bone back", 0.75, 1.5)],
+            ..Recognition::default()
+        };
+        let taken = with_acceptance(heard.clone(), &scene(&["bone"]), false);
+        assert_eq!(taken.parts, [part("Bring the bone back.", 0.5, 1.5)]);
+        let kept = with_acceptance(Recognition { alternatives: Vec::new(), ..heard.clone() }, &scene(&["bone"]), false);
+        assert_eq!(kept.parts, heard.parts);
     }
 
     #[test]

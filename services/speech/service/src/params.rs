@@ -67,6 +67,11 @@ impl RecognizerChoice {
 }
 
 impl SynthesizerChoice {
+    /// Whether it speaks with the voice in a folder.
+    pub(crate) fn takes_voice_model(self) -> bool {
+        matches!(self, Self::Auto | Self::Piper)
+    }
+
     /// Whether it is a server that must be named.
     pub(crate) fn is_server(self) -> bool {
         matches!(self, Self::Openai | Self::Grpc)
@@ -116,7 +121,7 @@ pub(crate) struct Params {
     pub(crate) recognizer_server: ServerParams,
     /// Folder of a Whisper model.
     pub(crate) model: Option<PathBuf>,
-    /// Code of the spoken language, such as `en`; empty: a model of many languages finds it out.
+    /// Code of the spoken language, such as `en`; `auto`: a model of many languages finds it out.
     pub(crate) language: String,
     /// Synthesizer: `auto`, `piper`, `espeak`, `flite`, `openai`, `grpc`, `none`.
     pub(crate) synthesizer: SynthesizerChoice,
@@ -143,7 +148,8 @@ impl Default for Params {
             recognizer: RecognizerChoice::default(),
             recognizer_server: ServerParams::default(),
             model: None,
-            language: String::new(),
+            // The commands are English, and in noise a model may take them for another language.
+            language: "en".to_owned(),
             synthesizer: SynthesizerChoice::default(),
             synthesizer_server: ServerParams::default(),
             voice_model: None,
@@ -153,15 +159,17 @@ impl Default for Params {
 }
 
 impl Params {
-    /// Recognizer and synthesizer. Without a microphone nothing needs to be recognised.
+    /// Recognizer and synthesizer. Without a microphone nothing needs to be recognised, and without an output no voice is loaded that
+    /// nobody has chosen.
     pub(crate) fn backends(&self) -> BackendParams {
+        let silent = self.output.is_empty() && self.synthesizer == SynthesizerChoice::Auto;
         BackendParams {
             recognizer: if self.input.is_empty() { RecognizerChoice::None } else { self.recognizer },
             recognizer_server: self.recognizer_server.clone(),
             model: self.model.clone(),
             language: self.language.clone(),
             times: false,
-            synthesizer: self.synthesizer,
+            synthesizer: if silent { SynthesizerChoice::None } else { self.synthesizer },
             synthesizer_server: self.synthesizer_server.clone(),
             voice_model: self.voice_model.clone(),
             voice: self.voice.clone(),

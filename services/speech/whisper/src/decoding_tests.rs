@@ -11,7 +11,7 @@ use crate::parity_tests::{fixtures, sound};
 use crate::probability::{log_add, log_sum};
 use crate::rules::Rules;
 use crate::spelling::spellings;
-use crate::{AudioContext, Hearing, Options, PhraseSearch, Whisper, WhisperError};
+use crate::{Acceptance, AudioContext, Hearing, Options, PhraseSearch, Recognition, Whisper, WhisperError};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 const SENTENCES: [&str; 8] = [
@@ -146,4 +146,27 @@ fn fewer_bits_move_scores_little() {
             assert!(error < bound, "{precision:?}: {found:?} in place of {expected:?}");
         }
     }
+}
+
+#[test]
+fn beams_are_spent_where_no_sentence_fits_clearly() {
+    let (model, hearing) = tiny("english");
+    let phrases = model.phrases(&SENTENCES).unwrap();
+    // Fewer tokens than the sound may have.
+    let options = Options { beams: 4, most_tokens: 8, ..Options::default() };
+    let recognize = |clear_ratio: f32, options: &Options| {
+        let acceptance = Acceptance { least_ratio: f32::NEG_INFINITY, clear_ratio, ..Acceptance::default() };
+        model.recognize(&hearing, &phrases, PhraseSearch::Exact, acceptance, options, &NEVER).unwrap()
+    };
+    let greedy = recognize(f32::NEG_INFINITY, &Options { beams: 1, ..options.clone() });
+    let [clear, unclear] = [f32::NEG_INFINITY, f32::INFINITY].map(|ratio| recognize(ratio, &options));
+    // A greedy text that does not end by itself leaves nothing clear.
+    if greedy.free.complete {
+        assert_eq!(clear, greedy);
+    }
+    assert_eq!(unclear.free, model.transcribe(&hearing, &options, &NEVER).unwrap());
+    // More texts to compare with make no sentence likelier.
+    let ratio = |found: &Recognition| found.best.unwrap().ratio;
+    assert_eq!(unclear.source, greedy.source);
+    assert!(ratio(&unclear) <= ratio(&greedy), "{unclear:?} {greedy:?}");
 }

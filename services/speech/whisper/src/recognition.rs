@@ -99,11 +99,12 @@ impl Whisper {
             .collect();
         sums.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         // What fits clearly needs no other text to compare with, and most commands do.
-        let is_clear = sums.first().is_some_and(|(sum, _)| sum - free_sum >= clear_ratio);
+        let is_clear = free.complete && sums.first().is_some_and(|(sum, _)| sum - free_sum >= clear_ratio);
         if options.beams > 1 && !is_clear {
             free = self.decode_freely(hearing, &mut start, &options, cancel)?;
         }
-        let free_sum = sum_of(&free);
+        // Beams choose by the mean of a token, so their text may have a lower sum than the greedy one.
+        let free_sum = free_sum.max(sum_of(&free));
         let best = sums.first().map(|(sum, score)| Candidate {
             sentence: score.sentence,
             log_probability: score.log_probability,

@@ -13,6 +13,7 @@ use crate::options::Options;
 use crate::phrase_scoring::PhraseSearch;
 use crate::phrases::Phrases;
 use crate::recognition::{Acceptance, Source};
+use crate::spelling::normalized;
 
 /// Name of this recognizer.
 const NAME: &str = "whisper";
@@ -87,12 +88,18 @@ impl WhisperRecognizer {
         Ok(phrases.map_or(0, |phrases| phrases.sentences().len()))
     }
 
-    /// When the parts of a text were said. An expected sentence is one part, as free text may spell it otherwise.
-    fn parts(&self, hearing: &Hearing, expected: Option<&str>, limits: &Limits) -> Result<Vec<TimedText>, SpeechError> {
-        if !self.settings.times {
+    /// When the parts of a text were said, by a decoding with times. Where that reads otherwise, the text is one part.
+    fn parts(
+        &self,
+        hearing: &Hearing,
+        text: &str,
+        grammar: &PhraseGrammar,
+        limits: &Limits,
+    ) -> Result<Vec<TimedText>, SpeechError> {
+        if !self.settings.times || text.is_empty() {
             return Ok(Vec::new());
         }
-        let options = Options { timestamps: true, language: self.settings.language.clone(), ..Options::default() };
+        let options = Options { timestamps: true, beams: 1, ..self.options(grammar) };
         let segments = self.model.transcribe(hearing, &options, &limits.cancel).map_err(fault)?.segments;
         let time = |seconds: f32| Duration::from_secs_f32(seconds.clamp(0.0, hearing.seconds));
         // A text without an end goes on to the end of the sound.
@@ -100,8 +107,11 @@ impl WhisperRecognizer {
             .into_iter()
             .map(|s| TimedText { text: s.text, start: time(s.from), end: time(s.to.unwrap_or(hearing.seconds)) })
             .collect();
-        if let (Some(text), Some(first), Some(last)) = (expected, parts.first(), parts.last()) {
-            parts = vec![TimedText { text: text.to_owned(), start: first.start, end: last.end }];
+        let spoken: Vec<&str> = parts.iter().map(|part| part.text.as_str()).collect();
+        if normalized(&spoken.join(" ")) != normalized(text) {
+            let start = parts.first().map_or(Duration::ZERO, |first| first.start);
+            let end = parts.last().map_or(time(hearing.seconds), |last| last.end);
+            parts = vec![TimedText { text: text.to_owned(), start, end }];
         }
         Ok(parts)
     }
@@ -139,10 +149,11 @@ impl Recognizer for WhisperRecognizer {
         let phrases = self.prepared.as_ref().and_then(|(_, phrases)| phrases.as_ref());
         let Some(phrases) = phrases else {
             let free = self.model.transcribe(&hearing, &options, &limits.cancel).map_err(fault)?;
+            let text = unrepeated(&free.text);
             return Ok(recognizer::Recognition {
                 confidence: free.average_log_probability.exp().clamp(0.0, 1.0),
-                text: unrepeated(&free.text),
-                parts: self.parts(&hearing, None, limits)?,
+                parts: self.parts(&hearing, &text, grammar, limits)?,
+                text,
                 elapsed: began.elapsed(),
                 ..recognizer::Recognition::default()
             });
@@ -171,14 +182,14 @@ impl Recognizer for WhisperRecognizer {
             }
             _ => found.free.average_log_probability,
         };
-        let sentence = accepted.then(|| found.text.clone());
+        let text = if accepted { found.text } else { unrepeated(&found.text) };
         Ok(recognizer::Recognition {
-            text: if accepted { found.text } else { unrepeated(&found.text) },
+            parts: self.parts(&hearing, &text, grammar, limits)?,
+            text,
             // The geometric mean of the tokens' probabilities.
             confidence: mean.exp().clamp(0.0, 1.0),
             accepted,
             alternatives,
-            parts: self.parts(&hearing, sentence.as_deref(), limits)?,
             elapsed: began.elapsed(),
         })
     }

@@ -4,8 +4,10 @@ use std::io::Cursor;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use sg_piper::Piper;
 use sg_speech::audio::Recording;
 use sg_speech::audio::wav::{decode_streamed_wav, decode_wav, read_wav};
+use sg_speech::child_process::Limits;
 use sg_whisper::{AudioContext, Options, Precision, SAMPLE_RATE, Whisper};
 
 use super::accepted;
@@ -13,6 +15,8 @@ use crate::stage::Stage;
 
 /// Longest sound.
 const LONGEST: Duration = Duration::from_secs(10);
+/// Longest work of a voice.
+const SPEAKING: Duration = Duration::from_millis(500);
 
 fn is_sound(recording: &Recording) -> bool {
     assert!(recording.samples.iter().all(|sample| sample.is_finite()), "a sample is no number");
@@ -46,6 +50,21 @@ pub(crate) fn whisper_model(stage: &Stage, input: &[u8]) -> bool {
     let options = Options { most_tokens: 3, ..Options::default() };
     if let Ok(text) = model.transcribe(&hearing, &options, &never) {
         assert!(text.tokens.len() <= 3, "{} tokens", text.tokens.len());
+    }
+    true
+}
+
+/// A voice whose description is right. One that opens speaks.
+pub(crate) fn piper_voice(stage: &Stage, input: &[u8]) -> bool {
+    let path = stage.write("made.onnx", input);
+    stage.keep("made.onnx.json", || {
+        include_bytes!("../../../../services/speech/piper/tests/fixtures/made.onnx.json").to_vec()
+    });
+    let Some(voice) = accepted(Piper::open(&path, None), &path) else { return false };
+    // Weights may be anything, so a voice may also say that it cannot, or take too long.
+    if let Ok(sound) = voice.speak("abc", &Limits::within(SPEAKING)) {
+        assert!(sound.samples.iter().all(|sample| sample.is_finite() && sample.abs() <= 1.0), "a sample is no number");
+        assert!(sound.duration() <= sg_piper::LONGEST, "{:?}", sound.duration());
     }
     true
 }

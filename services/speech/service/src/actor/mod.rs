@@ -91,8 +91,11 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     params.endpoints().map_err(input)?;
     let chosen = params.backends();
     let runtime = Handle::current();
-    let recognizer = tokio::task::block_in_place(|| backends::recognizer(&chosen, &runtime)).map_err(input)?;
-    let synthesizer = backends::synthesizer(&chosen, &runtime).map_err(input)?;
+    // Models are read from files.
+    let (recognizer, synthesizer) = tokio::task::block_in_place(|| {
+        Ok((backends::recognizer(&chosen, &runtime)?, backends::synthesizer(&chosen, &runtime)?))
+    })
+    .map_err(input)?;
     let (microphone, output) = (Place::of(&params.input), Place::of(&params.output));
     if let Some(output) = &output {
         // A wrong path is known now and not at the first reply.

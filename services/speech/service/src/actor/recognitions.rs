@@ -169,9 +169,10 @@ impl Speech {
                 self.step(Event::SpeechStarted).await;
             }
             Sound::Partial { samples } => {
-                // A partial text is worth no wait: one at a time, and only if nothing else runs.
+                // A partial text is worth no wait: one at a time, and only if nothing else runs. An early one that has ended was of a
+                // pause within the sentence.
                 if self.recognitions.partial.is_none()
-                    && self.recognitions.early.is_none()
+                    && self.recognitions.early.as_ref().is_none_or(|early| early.outcome.is_some())
                     && self.recognitions.awaited.is_none()
                 {
                     self.recognitions.partial = self.recognitions.begin(samples, self.dialogue.has_question()).ok();
