@@ -198,13 +198,15 @@ impl Recognizer for WhisperRecognizer {
 /// The text without its repetitions: a model that looks at less sound than in training may say a sentence again and again.
 fn unrepeated(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
+    // The copies of a sentence may differ in their signs.
+    let plain: Vec<String> = words.iter().map(|word| normalized(word)).collect();
     let is_period = |period: &usize| {
-        let repeats = || words.chunks(*period).all(|chunk| words.starts_with(chunk));
+        let repeats = || plain.chunks(*period).all(|chunk| plain.starts_with(chunk));
         // Two equal words, as in "no no", may be what was said.
         *period >= 2 && words.len().is_multiple_of(*period) && repeats()
     };
     let period = (1..=words.len() / 2).find(is_period).unwrap_or(words.len());
-    words[..period].join(" ")
+    words[..period].join(" ").trim_end_matches([',', ';']).to_owned()
 }
 
 fn fault(error: WhisperError) -> SpeechError {
@@ -224,6 +226,8 @@ mod tests {
         for (text, once) in [
             ("What a nice day. What a nice day.", "What a nice day."),
             ("Undo it. Undo it. Undo it.", "Undo it."),
+            ("bone window, bone window.", "bone window"),
+            ("Use a headlight, use a headlight,", "Use a headlight"),
             ("no no", "no no"),
             ("hide the sac and hide the bone", "hide the sac and hide the bone"),
             ("", ""),
