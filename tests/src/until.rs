@@ -4,8 +4,9 @@
 
 use std::time::{Duration, Instant};
 
+use sg_proto::speech::{self, Recognition};
 use sg_proto::{keys, render, scene::State};
-use sg_runtime::bus::Bus;
+use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::context::Context;
 
 /// How long anything may take on a busy machine.
@@ -52,6 +53,39 @@ pub async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool)
         assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
         tokio::time::sleep(LOOKS).await;
     }
+}
+
+/// The speech service once it is as it has to be. It may be away meanwhile.
+///
+/// # Panics
+/// It is not so after [`PATIENCE`]; `what` is in the message.
+pub async fn speech(bus: &Bus, what: &str, holds: impl Fn(&speech::State) -> bool) -> speech::State {
+    let begun = Instant::now();
+    loop {
+        match bus.newest(&keys::SPEECH_STATE, &soon()).await {
+            Ok(state) if holds(&state) => return state,
+            other => assert!(begun.elapsed() < PATIENCE, "{what}: {other:?}"),
+        }
+        tokio::time::sleep(LOOKS).await;
+    }
+}
+
+/// The next text that is final.
+///
+/// # Panics
+/// None comes within [`PATIENCE`]; the state of the speech service is in the message.
+pub async fn recognized(bus: &Bus, texts: &mut Subscription<Recognition>) -> Recognition {
+    let next = async {
+        loop {
+            let (text, _) = texts.next().await.unwrap();
+            if text.r#final {
+                return text;
+            }
+        }
+    };
+    let text = tokio::time::timeout(PATIENCE, next).await.ok();
+    assert!(text.is_some(), "no text: {:?}", bus.newest(&keys::SPEECH_STATE, &soon()).await);
+    text.unwrap()
 }
 
 /// Gaussians that are selected.

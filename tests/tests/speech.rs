@@ -15,17 +15,15 @@ use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
 use sg_proto::keys::{self, role};
 use sg_proto::scene::State;
-use sg_proto::speech::{self, Control, ControlRequest, Phase, Recognition, SpeakRequest};
-use sg_runtime::bus::{Bus, Subscription};
+use sg_proto::speech::{Control, ControlRequest, Phase, SpeakRequest};
+use sg_runtime::bus::Bus;
 use sg_runtime::process::block_on;
-use sg_speech::audio::resample::resample;
 use sg_speech::audio::wav::{MAX_DURATION, read_wav};
 use sg_speech::audio::{Recording, SPEECH_RATE};
-use sg_speech::child_process::Limits;
-use sg_speech::recognizer::Synthesizer as _;
 use sg_speech::synthesis::Flite;
 use sg_tests::stack::Stack;
-use sg_tests::until::{PATIENCE, scene, soon};
+use sg_tests::until::{self, PATIENCE, recognized, scene, soon};
+use sg_tests::voice::spoken;
 
 /// Silence around a sentence, long enough to end it.
 const SILENCE: Duration = Duration::from_millis(900);
@@ -82,7 +80,7 @@ impl Room {
     }
 
     fn say(&self, sentence: &str) {
-        self.play(&spoken(sentence));
+        self.play(&between_silence(sentence));
     }
 
     /// The text of the newest reply, as the recognizer hears it.
@@ -102,41 +100,10 @@ impl Room {
     }
 }
 
-/// A sentence by flite between silence, at the rate of the pipe.
-fn spoken(sentence: &str) -> Recording {
-    let flite = Flite::find(std::env::var_os("PATH").as_deref(), "slt").unwrap();
-    let sound = flite.synthesize(sentence, &Limits::within(Duration::from_secs(30))).unwrap();
-    let sound = resample(&sound, SPEECH_RATE).unwrap();
+/// A sentence between silence, at the rate of the pipe.
+fn between_silence(sentence: &str) -> Recording {
     let silence = vec![0.0; (SILENCE.as_millis() * 16) as usize];
-    Recording { rate: SPEECH_RATE, samples: [&silence[..], &sound.samples, &silence].concat() }
-}
-
-/// The next text that is final.
-async fn recognized(bus: &Bus, texts: &mut Subscription<Recognition>) -> Recognition {
-    let next = async {
-        loop {
-            let (text, _) = texts.next().await.unwrap();
-            if text.r#final {
-                return text;
-            }
-        }
-    };
-    match tokio::time::timeout(PATIENCE, next).await {
-        Ok(text) => text,
-        Err(_) => panic!("no text: {:?}", bus.newest(&keys::SPEECH_STATE, &soon()).await),
-    }
-}
-
-async fn state(bus: &Bus, what: &str, holds: impl Fn(&speech::State) -> bool) -> speech::State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::SPEECH_STATE, &soon()).await;
-        match state {
-            Ok(state) if holds(&state) => return state,
-            other => assert!(begun.elapsed() < PATIENCE, "{what}: {other:?}"),
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+    Recording { rate: SPEECH_RATE, samples: [&silence[..], &spoken(sentence).samples, &silence].concat() }
 }
 
 async fn control(bus: &Bus, control: Control) {
@@ -162,7 +129,7 @@ fn whisper_hears_commands_and_the_reply_sounds() {
     block_on(async {
         let cli = room.stack.join(role::CLI).await.unwrap();
         let mut texts = cli.subscribe(&keys::SPEECH_RECOGNITION, role::SPEECH, 256).await.unwrap();
-        let idle = state(&cli, "a microphone", |s| s.phase() == Phase::Idle && !s.input.is_empty()).await;
+        let idle = until::speech(&cli, "a microphone", |s| s.phase() == Phase::Idle && !s.input.is_empty()).await;
         assert_eq!((idle.recognizer.as_str(), idle.synthesizer.as_str()), ("whisper", "flite"));
 
         // A command changes the scene, and its reply is spoken so that it is understood again.
@@ -172,14 +139,14 @@ fn whisper_hears_commands_and_the_reply_sounds() {
         scene(&cli, "the sac is blue", |s| blue(s, "sac")).await;
         let reply = tokio::task::block_in_place(|| room.heard_reply());
         assert!(reply.contains("sac") && reply.contains("blue"), "{reply}");
-        state(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
+        until::speech(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
 
         // What is no command changes nothing and is not answered.
         let before = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision;
         room.say("my brother just bought a new bicycle");
         let text = recognized(&cli, &mut texts).await;
         assert!(!text.accepted, "{text:?}");
-        let shown = state(&cli, "a notice", |s| s.notice.contains("is no command")).await;
+        let shown = until::speech(&cli, "a notice", |s| s.notice.contains("is no command")).await;
         assert_eq!(shown.phase(), Phase::Idle, "{shown:?}");
 
         // What takes something away needs a yes.
@@ -187,7 +154,8 @@ fn whisper_hears_commands_and_the_reply_sounds() {
             room.say("delete the body");
             let text = recognized(&cli, &mut texts).await;
             assert!(text.accepted, "{text:?}");
-            state(&cli, "a question", |s| s.question.contains("delete the body") && s.phase() == Phase::Idle).await;
+            until::speech(&cli, "a question", |s| s.question.contains("delete the body") && s.phase() == Phase::Idle)
+                .await;
             let now = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
             assert_eq!(now.revision, before, "nothing happens before the answer");
             room.say(answer);
@@ -196,10 +164,10 @@ fn whisper_hears_commands_and_the_reply_sounds() {
             if gone {
                 scene(&cli, "the body is deleted", |s| s.revision > before).await;
             } else {
-                state(&cli, "no question", |s| s.question.is_empty() && s.phase() == Phase::Idle).await;
+                until::speech(&cli, "no question", |s| s.question.is_empty() && s.phase() == Phase::Idle).await;
                 assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, before);
             }
-            state(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
+            until::speech(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
         }
 
         // A closed microphone hears nothing, and a restart opens it again.
@@ -210,14 +178,14 @@ fn whisper_hears_commands_and_the_reply_sounds() {
         assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, before);
         let (status, _, all) = tokio::task::block_in_place(|| room.stack.run(&["restart", "speech"])).unwrap();
         assert_eq!(status, Some(0), "{all}");
-        state(&cli, "an open microphone", |s| !s.muted && !s.input.is_empty()).await;
+        until::speech(&cli, "an open microphone", |s| !s.muted && !s.input.is_empty()).await;
         room.say("undo");
         let text = recognized(&cli, &mut texts).await;
         assert!(text.accepted && text.text.to_lowercase().starts_with("undo"), "{text:?}");
         scene(&cli, "the deletion is undone", |s| s.revision > before).await;
 
         // A text is spoken on request, and a person can stop it.
-        state(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
+        until::speech(&cli, "the reply has ended", |s| s.phase() == Phase::Idle).await;
         let text = "The aneurysm is seven millimetres wide. It lies beside the vessel.".to_owned();
         let spoken = cli.ask(&keys::SPEECH_SPEAK, &SpeakRequest { text }, &soon()).await.unwrap();
         assert!(spoken.sentences == 2 && !spoken.stopped && spoken.first_sound_ms.is_some(), "{spoken:?}");
@@ -238,7 +206,7 @@ fn sphinx_hears_while_a_button_is_held() {
     block_on(async {
         let cli = room.stack.join(role::CLI).await.unwrap();
         let mut texts = cli.subscribe(&keys::SPEECH_RECOGNITION, role::SPEECH, 256).await.unwrap();
-        let idle = state(&cli, "a microphone", |s| !s.input.is_empty()).await;
+        let idle = until::speech(&cli, "a microphone", |s| !s.input.is_empty()).await;
         assert_eq!((idle.recognizer.as_str(), idle.synthesizer.as_str()), ("sphinx", "piper"));
         // Nobody holds the button.
         let before = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision;
@@ -247,7 +215,7 @@ fn sphinx_hears_while_a_button_is_held() {
         assert_eq!(cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision, before);
 
         control(&cli, Control::Press).await;
-        state(&cli, "listening", |s| s.held && s.phase() == Phase::Listening).await;
+        until::speech(&cli, "listening", |s| s.held && s.phase() == Phase::Listening).await;
         room.say("make the sac red");
         // All of it has been read before the release.
         tokio::time::sleep(Duration::from_millis(500)).await;

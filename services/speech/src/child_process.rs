@@ -1,7 +1,7 @@
 //! Programs of others as child processes, the one file of this crate that starts any.
 //!
-//! A child has a deadline, can be cancelled, writes a bounded output, and is killed with its parent: `setpriv` of util-linux
-//! asks the kernel for that (`PR_SET_PDEATHSIG`), because code between fork and exec would be unsafe Rust.
+//! A child has a deadline, can be cancelled, writes a bounded output, and is killed with its parent. `setpriv` of util-linux asks
+//! the kernel for the last one (`PR_SET_PDEATHSIG`). Code between fork and exec would be unsafe Rust.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{Read, Write as _};

@@ -18,7 +18,7 @@ pub const MAX_TEXT: usize = 4_000;
 const LONGEST: Duration = Duration::from_secs(300);
 
 /// Most characters of a voice's name.
-const MAX_VOICE: usize = 40;
+pub const MAX_VOICE: usize = 40;
 
 /// Speed of espeak-ng in words a minute.
 pub const WORDS_PER_MINUTE: std::ops::RangeInclusive<u32> = 80..=400;
@@ -132,24 +132,38 @@ fn spoken(program: &Program, sound: &std::path::Path) -> Result<Recording, Speec
     Ok(read_wav(sound, LONGEST)?)
 }
 
-/// A voice is an argument and may be a path for some programs, so it is a plain name.
-fn check_voice(voice: &str) -> Result<(), SpeechError> {
+/// Whether a text may be the name of a program's voice. It is an argument and may be a path for some programs, so it is a plain
+/// name of at most [`MAX_VOICE`] characters.
+#[must_use]
+pub fn is_voice_name(voice: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '+');
     let is_name = voice.starts_with(|c: char| c.is_ascii_alphanumeric()) && voice.chars().all(fits);
-    if is_name && voice.len() <= MAX_VOICE {
+    is_name && voice.len() <= MAX_VOICE
+}
+
+fn check_voice(voice: &str) -> Result<(), SpeechError> {
+    if is_voice_name(voice) {
         return Ok(());
     }
     let voice: String = sg_input::printable(voice).chars().take(MAX_VOICE).collect();
     Err(SpeechError::Limit(format!("“{voice}” is no name of a voice; take letters, digits, “-”, “_” and “+”")))
 }
 
-/// The text without what a program would interpret; `None` without anything to say.
-fn plain_text(sentence: &str) -> Result<Option<String>, SpeechError> {
-    if sentence.len() > MAX_TEXT {
-        let problem = format!("a text of {} bytes is longer than the limit of {MAX_TEXT}; split it", sentence.len());
+/// Whether a text has anything to say.
+///
+/// # Errors
+/// [`SpeechError::Limit`]: it is longer than [`MAX_TEXT`] bytes.
+pub fn has_words(text: &str) -> Result<bool, SpeechError> {
+    if text.len() > MAX_TEXT {
+        let problem = format!("a text of {} bytes is longer than the limit of {MAX_TEXT}; split it", text.len());
         return Err(SpeechError::Limit(problem));
     }
-    if !sentence.chars().any(char::is_alphanumeric) {
+    Ok(text.chars().any(char::is_alphanumeric))
+}
+
+/// The text without what a program would interpret; `None` without anything to say.
+fn plain_text(sentence: &str) -> Result<Option<String>, SpeechError> {
+    if !has_words(sentence)? {
         return Ok(None);
     }
     // espeak-ng reads "[[…]]" as phonemes. Angle brackets are markup to some programs, and no sound to anybody.

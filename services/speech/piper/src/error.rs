@@ -14,9 +14,9 @@ pub enum PiperError {
     /// The voice's files do not make a voice, or it computed nothing.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The program that gives phonemes is not installed or failed.
+    /// The text is too long, or the program that gives phonemes is not installed or failed.
     #[error(transparent)]
-    Phonemes(SpeechError),
+    Speech(#[from] SpeechError),
     /// The text is too long, or its sound would be.
     #[error("{0}")]
     Limit(String),
@@ -37,7 +37,7 @@ impl From<candle_core::Error> for PiperError {
 impl From<PiperError> for SpeechError {
     fn from(error: PiperError) -> Self {
         match error {
-            PiperError::Phonemes(error) => error,
+            PiperError::Speech(error) => error,
             PiperError::Limit(problem) => Self::Limit(problem),
             PiperError::Late(after) => Self::Late { program: NAME.into(), after },
             PiperError::Cancelled => Self::Cancelled,

@@ -6,6 +6,7 @@ use std::ffi::OsStr;
 
 use icu_normalizer::DecomposingNormalizerBorrowed;
 use sg_speech::child_process::{Limits, Program};
+use sg_speech::synthesis::{MAX_VOICE, is_voice_name};
 
 use crate::clauses::{Clause, clauses};
 use crate::config::{Config, MAX_SYMBOL, PhonemeType};
@@ -13,8 +14,6 @@ use crate::error::PiperError;
 
 /// Most bytes of phonemes for a text.
 const MAX_PHONEMES: usize = 1 << 18;
-/// Most characters of a voice's name.
-const MAX_VOICE: usize = 40;
 /// Most clauses that get a process each.
 const MAX_CLAUSES: usize = 64;
 
@@ -38,14 +37,12 @@ impl Phonemizer {
             return Ok(Self::Text);
         }
         let voice = &config.espeak_voice;
-        let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '+');
-        let is_name = voice.starts_with(|c: char| c.is_ascii_alphanumeric()) && voice.chars().all(fits);
-        if !is_name || voice.len() > MAX_VOICE {
+        if !is_voice_name(voice) {
             let voice: String = sg_input::printable(voice).chars().take(MAX_VOICE).collect();
             let problem = format!("`{voice}` is no name of a voice of espeak-ng, such as `en-us`");
             return Err(sg_layers::ModelError::config(&config.path, "espeak.voice", problem).into());
         }
-        let program = Program::find("espeak-ng", "espeak-ng", search_path).map_err(PiperError::Phonemes)?;
+        let program = Program::find("espeak-ng", "espeak-ng", search_path)?;
         Ok(Self::Espeak { program, voice: voice.clone() })
     }
 
@@ -80,7 +77,7 @@ fn phonemes(program: &Program, voice: &str, clauses: &[Clause], limits: &Limits)
     }
     let run = |text: &str| -> Result<Vec<String>, PiperError> {
         let arguments = ["-v", voice, "-b", "1", "-q", "--ipa", "--stdin"].map(Into::into);
-        let output = program.run(&arguments, text.as_bytes(), MAX_PHONEMES, limits).map_err(PiperError::Phonemes)?;
+        let output = program.run(&arguments, text.as_bytes(), MAX_PHONEMES, limits)?;
         let output = String::from_utf8_lossy(&output);
         let lines = output.lines().map(|line| without_flags(line.trim()));
         Ok(lines.filter(|line| !line.is_empty()).collect())

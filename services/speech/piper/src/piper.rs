@@ -9,7 +9,7 @@ use sg_speech::audio::{Recording, samples_in};
 use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::recognizer::Synthesizer;
-use sg_speech::synthesis::MAX_TEXT;
+use sg_speech::synthesis::has_words;
 
 use crate::config::Config;
 use crate::error::{NAME, PiperError};
@@ -114,15 +114,11 @@ impl Piper {
     /// Speaks a text, sentence by sentence. A text without letters or digits gives no samples.
     ///
     /// # Errors
-    /// [`PiperError`]: the text is longer than [`MAX_TEXT`] bytes, or its sound would be longer than [`LONGEST`]. The phonemes fail,
+    /// [`PiperError`]: the text is longer than [`MAX_TEXT`](sg_speech::synthesis::MAX_TEXT) bytes, or its sound would be longer than [`LONGEST`]. The phonemes fail,
     /// the deadline passes, or the work is cancelled.
     pub fn speak(&self, text: &str, limits: &Limits) -> Result<Recording, PiperError> {
         let mut sound = Recording { rate: self.rate(), samples: Vec::new() };
-        if text.len() > MAX_TEXT {
-            let problem = format!("a text of {} bytes is longer than the limit of {MAX_TEXT}; split it", text.len());
-            return Err(PiperError::Limit(problem));
-        }
-        if !text.chars().any(char::is_alphanumeric) {
+        if !has_words(text)? {
             return Ok(sound);
         }
         let began = Instant::now();

@@ -151,12 +151,15 @@ pub(crate) fn recognizer(params: &BackendParams, runtime: &Handle) -> Result<Cho
 pub(crate) fn synthesizer(params: &BackendParams, runtime: &Handle) -> Result<Chosen<Box<dyn Synthesizer>>, String> {
     let path = search_path();
     let voice = |usual: &'static str| if params.voice.is_empty() { usual.to_owned() } else { params.voice.clone() };
-    let espeak = || Espeak::find(path.as_deref(), &voice(ESPEAK_VOICE), WORDS_PER_MINUTE).map_err(|e| e.to_string());
-    let flite = || Flite::find(path.as_deref(), &voice(FLITE_VOICE)).map_err(|e| e.to_string());
+    let espeak = || -> Result<Box<dyn Synthesizer>, String> {
+        let found = Espeak::find(path.as_deref(), &voice(ESPEAK_VOICE), WORDS_PER_MINUTE);
+        Ok(Box::new(found.map_err(|e| e.to_string())?))
+    };
+    let flite = || -> Result<Box<dyn Synthesizer>, String> {
+        Ok(Box::new(Flite::find(path.as_deref(), &voice(FLITE_VOICE)).map_err(|e| e.to_string())?))
+    };
     let fault = |error: ServerError| format!("`synthesizer_server`: {error}");
     let server = &params.synthesizer_server;
-    // A voice that is named is one of the other synthesizers', unless the folder of a Piper voice is named too.
-    let usual_voice = || cached(USUAL_VOICE).filter(|_| params.voice.is_empty());
     Ok(match params.synthesizer {
         SynthesizerChoice::Piper => {
             let folder = params.voice_model.clone().or_else(|| cached(USUAL_VOICE));
@@ -172,21 +175,22 @@ pub(crate) fn synthesizer(params: &BackendParams, runtime: &Handle) -> Result<Ch
             Chosen::remote(backend.endpoint(), Box::new(backend))
         }
         SynthesizerChoice::None => Chosen::NONE,
-        SynthesizerChoice::Espeak => Chosen::found(Box::new(espeak()?)),
-        SynthesizerChoice::Flite => Chosen::found(Box::new(flite()?)),
+        SynthesizerChoice::Espeak => Chosen::found(espeak()?),
+        SynthesizerChoice::Flite => Chosen::found(flite()?),
         SynthesizerChoice::Auto => {
             if let Some(folder) = &params.voice_model {
                 return Ok(Chosen::found(piper(folder, &params.voice)?));
             }
-            let unused = match usual_voice().map(|folder| piper(&folder, "")) {
+            // A voice that is named is one of the other synthesizers'.
+            let usual = cached(USUAL_VOICE).filter(|_| params.voice.is_empty());
+            let unused = match usual.map(|folder| piper(&folder, "")) {
                 Some(Ok(piper)) => return Ok(Chosen::found(piper)),
                 Some(Err(problem)) => Some(format!("the Piper voice is not used: {problem}")),
                 None => None,
             };
-            match (espeak(), flite()) {
-                (Ok(espeak), _) => Chosen { notice: unused, ..Chosen::found(Box::new(espeak)) },
-                (Err(_), Ok(flite)) => Chosen { notice: unused, ..Chosen::found(Box::new(flite)) },
-                (Err(missing), Err(_)) => Chosen::missing(format!("replies are not spoken: {missing}")),
+            match espeak().or_else(|missing| flite().map_err(|_| missing)) {
+                Ok(backend) => Chosen { notice: unused, ..Chosen::found(backend) },
+                Err(missing) => Chosen::missing(format!("replies are not spoken: {missing}")),
             }
         }
     })

@@ -103,17 +103,14 @@ impl WhisperRecognizer {
         let segments = self.model.transcribe(hearing, &options, &limits.cancel).map_err(fault)?.segments;
         let time = |seconds: f32| Duration::from_secs_f32(seconds.clamp(0.0, hearing.seconds));
         // A text without an end goes on to the end of the sound.
-        let mut parts: Vec<TimedText> = segments
+        let parts: Vec<TimedText> = segments
             .into_iter()
             .map(|s| TimedText { text: s.text, start: time(s.from), end: time(s.to.unwrap_or(hearing.seconds)) })
             .collect();
         let spoken: Vec<&str> = parts.iter().map(|part| part.text.as_str()).collect();
-        if normalized(&spoken.join(" ")) != normalized(text) {
-            let start = parts.first().map_or(Duration::ZERO, |first| first.start);
-            let end = parts.last().map_or(time(hearing.seconds), |last| last.end);
-            parts = vec![TimedText { text: text.to_owned(), start, end }];
-        }
-        Ok(parts)
+        let is_same = normalized(&spoken.join(" ")) == normalized(text);
+        let timed = recognizer::Recognition { parts, ..recognizer::Recognition::default() };
+        Ok(if is_same { timed.parts } else { timed.with_text(text.to_owned()).parts })
     }
 
     fn options(&self, grammar: &PhraseGrammar) -> Options {

@@ -111,11 +111,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         recognizer: recognizer.shown(|r| r.name()),
         synthesizer: synthesizer.shown(|s| s.name()),
         remote: recognizer.leaves_this_machine(),
-        notice: [recognizer.notice, synthesizer.notice.filter(|_| output.is_some())]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .join("; "),
+        notice: [recognizer.notice, synthesizer.notice].into_iter().flatten().collect::<Vec<_>>().join("; "),
         ..speech::State::default()
     };
     match &microphone {
