@@ -330,6 +330,8 @@ table! {
     LABELING_DESCRIBE: Request<labeling::DescribeRequest, labeling::DescribeReply> = (role::LABELING, "cmd/describe", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]) at Interactive;
     /// Finds the views that show most of a unit or of the selection.
     LABELING_VIEWS: Request<labeling::ViewsRequest, labeling::ViewsReply> = (role::LABELING, "cmd/views", &[role::CLI, role::RENDER_VIEW, role::AGENT_FUNCTION]);
+    /// Progress of the embedding of a unit by its pictures.
+    LABELING_EMBEDDING: Stream<labeling::Embedding> = (role::LABELING, "event/embedding") at Background;
     /// State of the labeling service.
     LABELING_STATE: Retained<labeling::State> = (role::LABELING, "state");
 

@@ -4,8 +4,10 @@
 
 use std::time::{Duration, Instant};
 
+use prost::{Message, Name};
+use sg_proto::keys::{self, Retained};
 use sg_proto::speech::{self, Recognition};
-use sg_proto::{keys, render, scene::State};
+use sg_proto::{labeling, render, scene::State};
 use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::context::Context;
 
@@ -42,17 +44,7 @@ pub async fn scene(bus: &Bus, what: &str, holds: impl Fn(&State) -> bool) -> Sta
 /// # Panics
 /// It is not so after [`PATIENCE`]; `what` is in the message.
 pub async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool) -> render::State {
-    let begun = Instant::now();
-    loop {
-        let state = bus.newest(&keys::VIEW_STATE, &soon()).await;
-        if let Ok(state) = &state
-            && holds(state)
-        {
-            return state.clone();
-        }
-        assert!(begun.elapsed() < PATIENCE, "{what}: {state:?}");
-        tokio::time::sleep(LOOKS).await;
-    }
+    retained(bus, &keys::VIEW_STATE, what, holds).await
 }
 
 /// The speech service once it is as it has to be. It may be away meanwhile.
@@ -60,9 +52,25 @@ pub async fn view(bus: &Bus, what: &str, holds: impl Fn(&render::State) -> bool)
 /// # Panics
 /// It is not so after [`PATIENCE`]; `what` is in the message.
 pub async fn speech(bus: &Bus, what: &str, holds: impl Fn(&speech::State) -> bool) -> speech::State {
+    retained(bus, &keys::SPEECH_STATE, what, holds).await
+}
+
+/// The labeling service once it is as it has to be. It may be away meanwhile.
+///
+/// # Panics
+/// It is not so after [`PATIENCE`]; `what` is in the message.
+pub async fn labeling(bus: &Bus, what: &str, holds: impl Fn(&labeling::State) -> bool) -> labeling::State {
+    retained(bus, &keys::LABELING_STATE, what, holds).await
+}
+
+/// A retained value once it is as it has to be. Its owner may be away meanwhile.
+async fn retained<M>(bus: &Bus, row: &Retained<M>, what: &str, holds: impl Fn(&M) -> bool) -> M
+where
+    M: Message + Name + Default + std::fmt::Debug,
+{
     let begun = Instant::now();
     loop {
-        match bus.newest(&keys::SPEECH_STATE, &soon()).await {
+        match bus.newest(row, &soon()).await {
             Ok(state) if holds(&state) => return state,
             other => assert!(begun.elapsed() < PATIENCE, "{what}: {other:?}"),
         }

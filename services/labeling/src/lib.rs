@@ -6,6 +6,7 @@ pub mod entropy;
 pub mod frame;
 pub mod lexical;
 pub mod meaning;
+pub mod pictures;
 pub mod query;
 pub mod region;
 pub mod relation;

@@ -232,7 +232,8 @@ impl FunctionAgent {
         let (mut chosen, mut resolved_names) = (clause.clone(), Vec::new());
         let mut is_model_working = self.llm.has_model();
         for spoken in unit_choice::unknown_names(clause, state).into_iter().take(MAX_CHOICES) {
-            let found = self.labels.find(spoken, state.revision, context).await;
+            let searched = unit_choice::searched(spoken, state);
+            let found = self.labels.find(&searched, state.revision, context).await;
             let mut meant = match found.map_err(|fault| service_fault(role::LABELING, fault))? {
                 Meaning::Units(units) => units,
                 Meaning::Question(question) => return Ok(Chosen::Question(question)),

@@ -1,5 +1,7 @@
 //! Choice of a unit by a language model, for a name that no unit has.
 
+use std::borrow::Cow;
+
 use serde_json::{Value, json};
 use sg_proto::language::{Act, Clause};
 use sg_proto::scene::State;
@@ -17,6 +19,11 @@ const MAX_TOKENS: u32 = 200;
 /// Largest part of the sentence in a prompt, bytes.
 const MAX_SENTENCE_BYTES: usize = 1000;
 
+/// Pronouns for the selection or for the units of the last command.
+const PRONOUNS: [&str; 8] = ["it", "this", "that", "them", "these", "those", "this one", "that one"];
+/// Words before what something is like.
+const LIKE: [&str; 3] = ["like", "similar to", "resembling"];
+
 /// Unknown names of a clause that a model may resolve. A unit to delete needs its exact name, so such clauses have
 /// none.
 #[must_use]
@@ -27,6 +34,23 @@ pub fn unknown_names<'c>(clause: &'c Clause, state: &State) -> Vec<&'c str> {
     let names = unit_names::all(state);
     let spoken = clause.target.iter().flat_map(|t| &t.names).map(String::as_str);
     spoken.filter(|s| matches!(unit_names::lookup(s, &names), Lookup::Missing(_))).collect()
+}
+
+/// The words that a name is looked up by. A pronoun after "like" means the selection; without one it means the units of the last
+/// command, if there are some: "things like it" becomes "things like the sac".
+#[must_use]
+pub fn searched<'s>(spoken: &'s str, state: &State) -> Cow<'s, str> {
+    let has_selection = state.selection.as_ref().is_some_and(|selection| selection.count > 0);
+    let focus = state.focus.iter().filter(|unit| unit_names::all(state).contains(&unit.as_str()));
+    let focus: Vec<&str> = focus.map(String::as_str).collect();
+    let pronoun = PRONOUNS.iter().find_map(|pronoun| {
+        let before = spoken.strip_suffix(pronoun)?;
+        before.strip_suffix(' ').filter(|before| LIKE.iter().any(|like| before.ends_with(like)))
+    });
+    match pronoun {
+        Some(before) if !has_selection && !focus.is_empty() => Cow::Owned(format!("{before} {}", focus.join(" and "))),
+        _ => Cow::Borrowed(spoken),
+    }
 }
 
 /// The prompt. `None`: the scene has no units.
@@ -111,6 +135,18 @@ mod tests {
         assert_eq!(unknown_names(&clause(Act::Hide, &["the Sac", "the bulge", "vessels"]), &state()), ["the bulge"]);
         assert!(unknown_names(&clause(Act::Delete, &["the bulge"]), &state()).is_empty());
         assert!(unknown_names(&Clause::default(), &state()).is_empty());
+    }
+
+    #[test]
+    fn a_pronoun_after_like_means_the_selection_or_the_last_units() {
+        let focused = State { focus: vec!["sac".into(), "gone".into()], ..state() };
+        assert_eq!(searched("things like it", &focused), "things like sac");
+        assert_eq!(searched("others similar to this one", &focused), "others similar to sac");
+        let selection = Some(sg_proto::scene::Selection { count: 3, ..Default::default() });
+        for unchanged in [State { selection, ..focused.clone() }, state()] {
+            assert_eq!(searched("things like it", &unchanged), "things like it");
+        }
+        assert_eq!(searched("things like the pit", &focused), "things like the pit");
     }
 
     #[test]

@@ -9,8 +9,11 @@ use std::time::Duration;
 
 use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
+use sg_labeling::attributes::Attributes;
 use sg_labeling::attributes::words::describing;
 use sg_labeling::meaning::LabelCosines;
+use sg_labeling::pictures::UnitPictures;
+use sg_labeling::query::QueryContext;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling;
 use sg_runtime::actor::{Actor, ActorError, Mailbox, Reply};
@@ -21,8 +24,12 @@ use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_replica::SceneReplica;
 use tokio::sync::watch;
 
-use crate::label_encoder::{EncoderChoice, LabelEncoder};
+use crate::embedder::{Embedder, EmbeddingProgress};
+use crate::embedding_cache::EmbeddingCache;
+use crate::label_encoder::LabelEncoder;
 use crate::measured_units::{MeasuredUnits, Units, labelled};
+use crate::params::Params;
+use crate::unit_embeddings::UnitEmbeddings;
 use crate::viewer::{Viewer, ViewsMessage};
 use crate::wire;
 
@@ -37,14 +44,6 @@ const BY_WORDS: &str = "labels and looks, without a neural network";
 /// What answers are based on with one.
 const BY_MEANING: &str = "labels, their meanings by a sentence encoder, and looks";
 
-/// Parameters in the launch file.
-#[derive(Debug, Default, serde::Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Params {
-    /// Sentence encoder beside the words: `auto`, `none`, or a model's folder.
-    text_encoder: EncoderChoice,
-}
-
 /// Loads the scene and starts to serve.
 ///
 /// # Errors
@@ -56,6 +55,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let params: Params = host.params()?;
     let encoder = tokio::task::block_in_place(|| LabelEncoder::of(&params.text_encoder));
     let encoder = encoder.map_err(|e| StartError::Input(e.to_string()))?;
+    let embeddings = tokio::task::block_in_place(|| params.embeddings());
+    let embeddings = embeddings.map_err(|e| StartError::Input(e.to_string()))?;
     let scene = SceneReplica::<Replica>::follow(host.bus()).await?;
     let newest = scene.newest();
     let geometry = newest.replica.state().geometry();
@@ -64,20 +65,37 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let file = file.map_err(|e| StartError::Input(e.to_string()))?;
     let placed = PlacedScene::new(Arc::new(file));
     let viewer = Viewer::new(scene.clone(), placed.clone());
+    let progress = watch::Sender::new(EmbeddingProgress::default());
+    if let Some(embeddings) = &embeddings {
+        let cache = params.cache.clone().unwrap_or_else(|| host.run_dir().join("embeddings"));
+        let embedder = Embedder {
+            scene: scene.clone(),
+            placed: placed.clone(),
+            embeddings: Arc::clone(embeddings),
+            cache: EmbeddingCache::new(&cache),
+            progress: progress.clone(),
+            bus: host.bus().clone(),
+        };
+        tokio::spawn(embedder.run());
+    }
     let units = MeasuredUnits::new(placed);
-    let method = if encoder.is_some() { BY_MEANING } else { BY_WORDS };
+    let published = Published {
+        method: if encoder.is_some() { BY_MEANING } else { BY_WORDS },
+        image_encoder: embeddings.as_ref().map_or_else(String::new, |e| e.encoder().name().to_owned()),
+        progress: progress.subscribe(),
+    };
     let labels = watch::Sender::new(Vec::new());
     if let Some(encoder) = &encoder {
         tokio::spawn(encode_labels(Arc::clone(encoder), labels.subscribe()));
     }
-    let mut labeler = Labeler { scene: scene.clone(), units, encoder, labels, answered: 0 };
+    let mut labeler = Labeler { scene: scene.clone(), units, encoder, embeddings, labels, answered: 0 };
     tokio::task::block_in_place(|| labeler.measured(newest.replica.state()))
         .map_err(|fault| StartError::Failed(fault.message))?;
 
-    let owned = host.bus().retain(&keys::LABELING_STATE, state_message(newest.replica.state(), method)).await?;
+    let owned = host.bus().retain(&keys::LABELING_STATE, published.state(newest.replica.state())).await?;
     let (mailbox, _) = host.spawn(labeler, QUEUE);
     let (views, _) = host.spawn(viewer, QUEUE);
-    tokio::spawn(follow(scene, mailbox.clone(), owned, method));
+    tokio::spawn(follow(scene, mailbox.clone(), owned, published));
     host.route(&keys::LABELING_FIND, QUEUE, &mailbox, |request, context, reply| Message::Find {
         request,
         context,
@@ -99,36 +117,54 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-fn state_message(state: &EditState, method: &str) -> labeling::State {
-    let units = u32::try_from(labelled(state).count()).unwrap_or(u32::MAX);
-    labeling::State { revision: state.revision(), units, method: method.to_owned() }
+/// What the state says beside the scene's revision.
+struct Published {
+    method: &'static str,
+    image_encoder: String,
+    progress: watch::Receiver<EmbeddingProgress>,
 }
 
-/// Publishes the newest revision, and measures its units once the scene has settled.
+impl Published {
+    fn state(&self, state: &EditState) -> labeling::State {
+        let EmbeddingProgress { embedded, pending } = self.progress.borrow().clone();
+        labeling::State {
+            revision: state.revision(),
+            units: u32::try_from(labelled(state).count()).unwrap_or(u32::MAX),
+            method: self.method.to_owned(),
+            image_encoder: self.image_encoder.clone(),
+            embedded,
+            pending,
+        }
+    }
+}
+
+/// Publishes the newest revision and the progress of embeddings, and measures the units once the scene has settled.
 async fn follow(
     mut scene: SceneReplica<Replica>,
     mailbox: Mailbox<Message>,
     owned: RetainedValue<labeling::State>,
-    method: &'static str,
+    mut published: Published,
 ) {
     let mut is_measured = true;
+    let mut newest = scene.newest();
     loop {
-        let changed =
-            if is_measured { Ok(scene.changed().await) } else { tokio::time::timeout(SETTLED, scene.changed()).await };
-        match changed {
-            Ok(Some(newer)) => {
-                is_measured = false;
-                let message = state_message(newer.replica.state(), method);
-                if let Err(fault) = owned.set(message, &newer.context.next()).await {
-                    tracing::warn!(%fault, "the state could not be published");
-                }
+        tokio::select! {
+            changed = scene.changed() => {
+                let Some(newer) = changed else { return };
+                (newest, is_measured) = (newer, false);
             }
-            Ok(None) => return,
-            Err(_) => {
+            // Its sender lives as long as the service, with or without an encoder.
+            Ok(()) = published.progress.changed() => {}
+            () = tokio::time::sleep(SETTLED), if !is_measured => {
                 is_measured = true;
                 // A full queue holds requests, which measure the units too.
                 let _ = mailbox.tell(Message::Measure);
+                continue;
             }
+        }
+        let message = published.state(newest.replica.state());
+        if let Err(fault) = owned.set(message, &newest.context.next()).await {
+            tracing::warn!(%fault, "the state could not be published");
         }
     }
 }
@@ -168,6 +204,7 @@ struct Labeler {
     scene: SceneReplica<Replica>,
     units: MeasuredUnits,
     encoder: Option<Arc<LabelEncoder>>,
+    embeddings: Option<Arc<UnitEmbeddings>>,
     /// Labels to encode in advance.
     labels: watch::Sender<Vec<String>>,
     answered: u64,
@@ -234,6 +271,12 @@ impl Labeler {
         Ok(units)
     }
 
+    /// The look of the selection. `None` if nothing is selected, or nothing of it is visible.
+    fn selection(&self, state: &EditState) -> Option<Attributes> {
+        let selected = state.selection().mask();
+        if selected.is_none() { None } else { self.units.look_of(state, selected) }
+    }
+
     async fn state_at(&self, revision: u64, context: &Context) -> Result<Arc<EditState>, Fault> {
         let newest = self.scene.at_least(revision, context.deadline).await?;
         Ok(Arc::clone(newest.replica.state()))
@@ -248,8 +291,14 @@ impl Labeler {
         tokio::task::block_in_place(|| {
             let units = self.measured(&state)?;
             let encoder = self.encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
-            let meaning = encoder.as_ref().map(|encoder| encoder as &dyn LabelCosines);
-            Ok(wire::encode(units.queryable.find_by(&request.text, meaning), &units))
+            let pictures = self.embeddings.as_ref().map(|embeddings| embeddings.of(&units.names));
+            let selection = self.selection(&state);
+            let context = QueryContext {
+                meaning: encoder.as_ref().map(|encoder| encoder as &dyn LabelCosines),
+                pictures: pictures.as_ref().map(|pictures| pictures as &dyn UnitPictures),
+                selection: selection.as_ref(),
+            };
+            Ok(wire::encode(units.queryable.find_by(&request.text, context), &units))
         })
     }
 

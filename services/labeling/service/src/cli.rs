@@ -10,7 +10,7 @@ use sg_formats::{LoadOptions, load};
 use sg_input::print;
 use sg_labeling::attributes::words::describing;
 use sg_labeling::meaning::LabelCosines;
-use sg_labeling::query::{Outcome, Ranked};
+use sg_labeling::query::{Outcome, QueryContext, Ranked};
 
 use crate::label_encoder::{EncoderChoice, LabelEncoder};
 use crate::measured_units::{MeasuredUnits, Units};
@@ -93,7 +93,8 @@ fn find(units: &Units, text: &str, encoder: &EncoderChoice) -> Result<ExitCode, 
         format!("{name}\t{:.2}\t{}", r.score, r.explanation())
     };
     let lines = |ranked: &[Ranked]| write(&ranked.iter().map(line).collect::<Vec<_>>());
-    match units.queryable.find_by(text, meaning.as_ref().map(|m| m as &dyn LabelCosines)) {
+    let context = QueryContext { meaning: meaning.as_ref().map(|m| m as &dyn LabelCosines), ..QueryContext::default() };
+    match units.queryable.find_by(text, context) {
         Outcome::Match { items } => {
             lines(&items)?;
             return Ok(ExitCode::SUCCESS);

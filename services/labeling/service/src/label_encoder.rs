@@ -194,7 +194,7 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use sg_labeling::frame::Frame;
-    use sg_labeling::query::{Item, Outcome, Ranked, Scene};
+    use sg_labeling::query::{Item, Outcome, QueryContext, Ranked, Scene};
 
     use super::*;
 
@@ -212,6 +212,10 @@ mod tests {
     fn scene(labels: &[String]) -> Scene {
         let items = labels.iter().map(|label| Item { label: Some(label.clone()), attributes: None });
         Scene::new(items, Frame::XYZ).unwrap()
+    }
+
+    fn by<'c>(meaning: &'c SceneLabels<'_>) -> QueryContext<'c> {
+        QueryContext { meaning: Some(meaning), ..QueryContext::default() }
     }
 
     fn only(outcome: Outcome) -> Ranked {
@@ -241,7 +245,7 @@ mod tests {
             let scene = scene(&labels);
             let words = scene.find(query);
             assert!(!matches!(&words, Outcome::Match { items } if items[0].item == expected), "{words:?}");
-            let found = only(scene.find_by(query, Some(&encoder.labelled(&labels))));
+            let found = only(scene.find_by(query, by(&encoder.labelled(&labels))));
             assert!(found.item == expected && found.is_inferred(), "{query}: {found:?}");
             assert!(found.explanation().contains("meaning: "), "{}", found.explanation());
         }
@@ -262,7 +266,7 @@ mod tests {
         let labels = ["heart", "cardiac muscle", "pump", "lung", "heart valve"].map(str::to_owned);
         let scene = scene(&labels);
         for (at, label) in labels.iter().enumerate() {
-            let found = only(scene.find_by(label, Some(&encoder.labelled(&labels))));
+            let found = only(scene.find_by(label, by(&encoder.labelled(&labels))));
             assert_eq!((found.item, found.score, found.meaning), (at, 1.0, None));
         }
     }
@@ -272,14 +276,14 @@ mod tests {
         let Some(encoder) = usual() else { return };
         let labels: Vec<String> = (0..50).map(|i| format!("{} part {i}", ["bolt", "vein", "leaf"][i % 3])).collect();
         let scene = scene(&labels);
-        let _ = scene.find_by("the thing that fastens", Some(&encoder.labelled(&labels)));
+        let _ = scene.find_by("the thing that fastens", by(&encoder.labelled(&labels)));
         assert_eq!(encoder.known().len(), MAX_AT_ONCE);
         while encoder.encode_next(&labels).unwrap() {}
         assert_eq!(encoder.known().len(), labels.len());
         let mut times: Vec<Duration> = (0..20)
             .map(|_| {
                 let start = Instant::now();
-                let _ = scene.find_by("the thing that fastens", Some(&encoder.labelled(&labels)));
+                let _ = scene.find_by("the thing that fastens", by(&encoder.labelled(&labels)));
                 start.elapsed()
             })
             .collect();

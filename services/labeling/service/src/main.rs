@@ -2,9 +2,14 @@
 
 mod actor;
 mod cli;
+mod embedder;
+mod embedding_cache;
 mod label_encoder;
 mod measured_units;
+mod params;
+mod picture_encoder;
 mod region_views;
+mod unit_embeddings;
 mod viewer;
 mod wire;
 

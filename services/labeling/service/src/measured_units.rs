@@ -95,7 +95,7 @@ pub(crate) fn labelled(state: &EditState) -> impl Iterator<Item = (&str, UnitRef
 
 /// Whether all units that two states have look the same in both. Names, selection, light, background and viewpoint may differ. A
 /// unit that only one of them has may not change how others look.
-fn looks_alike(a: &EditState, b: &EditState) -> bool {
+pub(crate) fn looks_alike(a: &EditState, b: &EditState) -> bool {
     let same_base = a.base_units().len() == b.base_units().len()
         && a.base_units().iter().zip(b.base_units()).all(|(a, b)| {
             (a.palette, a.opacity, a.tone, a.first, a.count) == (b.palette, b.opacity, b.tone, b.first, b.count)

@@ -45,6 +45,8 @@ pub(crate) struct ViewsOptions {
     pub(crate) count: usize,
     pub(crate) pixels: u32,
     pub(crate) form: EntropyForm,
+    /// Whether the pictures are in the reply.
+    pub(crate) pictures: bool,
 }
 
 /// Why a region has no views.
@@ -68,6 +70,12 @@ pub(crate) enum RegionViewsError {
     /// A picture has no valid opacities.
     #[error(transparent)]
     Alpha(#[from] AlphaError),
+    /// A picture could not be encoded.
+    #[error("a picture: {0}")]
+    Picture(#[from] std::io::Error),
+    /// The region has changed since.
+    #[error("the region has changed")]
+    Superseded,
     /// The deadline passed between two pictures.
     #[error("the views were not ready in time; ask for smaller pictures, or wait longer")]
     Late,
@@ -102,17 +110,62 @@ impl ViewsOptions {
             labeling::EntropyForm::Unspecified | labeling::EntropyForm::Normalized => EntropyForm::Normalized,
             labeling::EntropyForm::Literal => EntropyForm::Literal,
         };
-        Ok(Self { count: count as usize, pixels, form })
+        Ok(Self { count: count as usize, pixels, form, pictures: request.pictures })
     }
 }
 
-/// A picture of the region alone.
-struct Measured {
+/// What is measured on a picture of the region alone.
+pub(crate) struct Measured {
     entropy: f64,
     literal: f64,
     area: f64,
     /// The sum of the opacities.
     opacity: f64,
+}
+
+/// A region alone, with the best views of it.
+pub(crate) struct BestViews {
+    /// Its Gaussians with their looks now.
+    pub(crate) alone: Scene,
+    region: Region,
+    /// All views that were measured, each with its picture's measures.
+    measured: Vec<(View, Measured)>,
+    /// The chosen ones, the best first.
+    chosen: Vec<usize>,
+}
+
+impl BestViews {
+    /// The best views of a region. `between` is called before each picture, and may end the work.
+    ///
+    /// # Errors
+    /// [`RegionViewsError`].
+    pub(crate) fn of(
+        alone: Scene,
+        (edge, frame): (f64, &Frame),
+        options: ViewsOptions,
+        between: &dyn Fn() -> Result<(), RegionViewsError>,
+    ) -> Result<Self, RegionViewsError> {
+        let region = ball(&alone, edge)?;
+        let views = Sphere::default().views(&region, frame)?;
+        let look = Appearance::of(&alone);
+        let pictures: Result<Vec<Measured>, RegionViewsError> =
+            views.iter().map(|view| between().and_then(|()| measured(&alone, &look, view, options.pixels))).collect();
+        let pictures = pictures?;
+        let scores: Vec<f64> = pictures
+            .iter()
+            .map(|picture| match options.form {
+                EntropyForm::Normalized => picture.entropy,
+                EntropyForm::Literal => picture.literal,
+            })
+            .collect();
+        let chosen = choose(&views, &scores, options.count, APART)?;
+        Ok(Self { alone, region, measured: views.into_iter().zip(pictures).collect(), chosen })
+    }
+
+    /// The chosen views, the best first.
+    pub(crate) fn chosen(&self) -> impl Iterator<Item = &(View, Measured)> {
+        self.chosen.iter().filter_map(|at| self.measured.get(*at))
+    }
 }
 
 /// The views of some Gaussians of a state, of which `placed` is the placed scene. Hidden ones are drawn. `between` is called
@@ -129,45 +182,39 @@ pub(crate) fn region_views(
 ) -> Result<labeling::ViewsReply, RegionViewsError> {
     let start = Instant::now();
     let alone = state.edited_placed(placed, members)?;
-    let region = ball(&alone, placed.bounds.longest_edge())?;
     let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
-    let views = Sphere::default().views(&region, &frame)?;
-    let look = Appearance::of(&alone);
-    let pictures: Result<Vec<Measured>, RegionViewsError> =
-        views.iter().map(|view| between().and_then(|()| measured(&alone, &look, view, options.pixels))).collect();
-    let pictures = pictures?;
-    let scores: Vec<f64> = pictures
-        .iter()
-        .map(|picture| match options.form {
-            EntropyForm::Normalized => picture.entropy,
-            EntropyForm::Literal => picture.literal,
-        })
-        .collect();
+    let best = BestViews::of(alone, (placed.bounds.longest_edge(), &frame), options, between)?;
     let among = marked(state, members);
-    let chosen = choose(&views, &scores, options.count, APART)?;
-    let found = chosen.into_iter().filter_map(|at| Some((views.get(at)?, pictures.get(at)?)));
-    let found: Result<Vec<labeling::RegionView>, RegionViewsError> = found
+    let look = Appearance { background: state.appearance().background, ..Appearance::of(&best.alone) };
+    let found: Result<Vec<labeling::RegionView>, RegionViewsError> = best
+        .chosen()
         .map(|(view, alone)| {
             between()?;
-            let shown = render(placed, &among, &view.camera(options.pixels, options.pixels), Quality::Standard)?.image;
+            let camera = view.camera(options.pixels, options.pixels);
+            let shown = render(placed, &among, &camera, Quality::Standard)?.image;
             // The region is white and the rest is black.
             let seen: f64 = shown.pixels().filter_map(|pixel| pixel.first()).map(|red| f64::from(*red)).sum();
             let unhidden = if alone.opacity > 0.0 { (seen / alone.opacity).clamp(0.0, 1.0) } else { 0.0 };
+            let mut picture = Vec::new();
+            if options.pictures {
+                render(&best.alone, &look, &camera, Quality::Standard)?.image.write_png(&mut picture)?;
+            }
             Ok(labeling::RegionView {
                 view: Some(encode_view(view)),
                 entropy: alone.entropy,
                 literal_entropy: alone.literal,
                 visible_area: alone.area,
                 unhidden,
+                picture,
             })
         })
         .collect();
     Ok(labeling::ViewsReply {
         views: found?,
-        measured: views.len() as u32,
-        center: Some(encode_vector(region.center)),
-        radius: region.radius,
-        tiny: region.is_tiny,
+        measured: best.measured.len() as u32,
+        center: Some(encode_vector(best.region.center)),
+        radius: best.region.radius,
+        tiny: best.region.is_tiny,
         render_ms: start.elapsed().as_secs_f64() * 1e3,
         revision: state.revision(),
     })
@@ -222,7 +269,7 @@ mod tests {
 
     use super::*;
 
-    const USUAL: ViewsOptions = ViewsOptions { count: 4, pixels: 64, form: EntropyForm::Normalized };
+    const USUAL: ViewsOptions = ViewsOptions { count: 4, pixels: 64, form: EntropyForm::Normalized, pictures: false };
 
     fn views(scene: &Scene, members: &Mask, options: ViewsOptions) -> labeling::ViewsReply {
         let state = EditState::of_scene(scene, "", "");
@@ -264,6 +311,25 @@ mod tests {
         let whole = views(&scene, &Mask::full(scene.len()), USUAL);
         assert!(whole.views.iter().all(|found| found.unhidden > 0.97), "nothing hides the whole: {whole:?}");
         assert!(found.views.iter().all(|view| (0.0..=1.0).contains(&view.unhidden)));
+    }
+
+    #[test]
+    fn pictures_come_when_asked_for() {
+        let scene = test_scene(&[("bone", 300), ("skin", 900)]);
+        let state = EditState::of_scene(&scene, "", "");
+        let bone = state.members(UnitRef::Base(0));
+        assert!(views(&scene, &bone, USUAL).views.iter().all(|view| view.picture.is_empty()));
+        let found = views(&scene, &bone, ViewsOptions { pictures: true, ..USUAL });
+        for view in &found.views {
+            let mut reader = png::Decoder::new(std::io::Cursor::new(&view.picture)).read_info().unwrap();
+            let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut pixels).unwrap();
+            assert_eq!((reader.info().width, reader.info().height), (USUAL.pixels, USUAL.pixels));
+            // The bone stands out from the background in the corner.
+            let corner = &pixels[..3];
+            assert!(pixels.chunks_exact(3).any(|pixel| pixel.iter().zip(corner).any(|(a, b)| a.abs_diff(*b) > 40)));
+        }
+        assert_eq!(found.views.len(), 4);
     }
 
     #[test]

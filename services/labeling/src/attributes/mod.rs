@@ -4,6 +4,7 @@
 //! one unit among others. [`words`] gives the words that fit a unit.
 
 pub mod judge;
+pub mod likeness;
 pub mod quality;
 pub mod words;
 

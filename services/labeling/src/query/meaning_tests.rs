@@ -214,7 +214,7 @@ fn units_are_found_by_meaning() {
     let mut reliability: BTreeMap<usize, [(Tally, f64); 2]> = BTreeMap::new();
     for case in &cases {
         let (scene, meaning) = of(case);
-        let outcome = scene.find_by(case.query, Some(meaning));
+        let outcome = scene.find_by(case.query, QueryContext { meaning: Some(meaning), ..QueryContext::default() });
         let by_encoder = (by_encoder(alone, meaning, case.query), false);
         let answers = [answer(&scene.find(case.query)), by_encoder, answer(&outcome)];
         for (method, (found, is_question)) in methods.into_iter().zip(answers) {

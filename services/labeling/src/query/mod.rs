@@ -26,6 +26,7 @@ use crate::attributes::judge::Looks;
 use crate::frame::Frame;
 use crate::lexical::Index;
 use crate::meaning::LabelCosines;
+use crate::pictures::UnitPictures;
 use crate::query::rank::Known;
 use crate::wordnet::WordNetError;
 
@@ -36,6 +37,17 @@ pub struct Item {
     pub label: Option<String>,
     /// Its look, if it is known.
     pub attributes: Option<Attributes>,
+}
+
+/// What a query can use beside labels and looks of the items.
+#[derive(Clone, Copy, Default)]
+pub struct QueryContext<'c> {
+    /// A sentence encoder.
+    pub meaning: Option<&'c dyn LabelCosines>,
+    /// An image-text model that has seen the items. Where words find nothing, it leads to a question, never to a match.
+    pub pictures: Option<&'c dyn UnitPictures>,
+    /// The look of the selection, for "things like this". `None` if nothing is selected.
+    pub selection: Option<&'c Attributes>,
 }
 
 /// Items to query, with an index of their labels.
@@ -65,14 +77,15 @@ impl Scene {
     /// The items that a text means.
     #[must_use]
     pub fn find(&self, text: &str) -> Outcome {
-        self.find_by(text, None)
+        self.find_by(text, QueryContext::default())
     }
 
-    /// The items that a text means, by words, looks, and the meanings that a sentence encoder knows. Words that are sure decide
-    /// alone, so an item's own label always finds it.
+    /// The items that a text means, by words, looks, and what else is known. Words that are sure decide alone, so an item's own
+    /// label always finds it.
     #[must_use]
-    pub fn find_by(&self, text: &str, meaning: Option<&dyn LabelCosines>) -> Outcome {
-        rank::find(Known { index: &self.index, looks: &self.looks, meaning }, text)
+    pub fn find_by(&self, text: &str, context: QueryContext<'_>) -> Outcome {
+        let QueryContext { meaning, pictures, selection } = context;
+        rank::find(Known { index: &self.index, looks: &self.looks, meaning, pictures, selection }, text)
     }
 }
 
@@ -85,6 +98,7 @@ mod tests {
 
     use super::*;
     use crate::meaning::Cosines;
+    use crate::pictures::PictureShares;
 
     fn scene(labels: &[&str]) -> Scene {
         let item = |label: &&str| Item { label: Some((*label).into()), attributes: None };
@@ -136,10 +150,14 @@ mod tests {
         }
     }
 
+    fn by(meaning: &Fixed) -> QueryContext<'_> {
+        QueryContext { meaning: Some(meaning), ..QueryContext::default() }
+    }
+
     #[test]
     fn guesses_are_questions_alone_in_lists_and_in_plurals() {
         let scene = scene(&["aneurysm sac", "vein", "skull"]);
-        let kind = |text: &str, cosines: [f64; 3]| match scene.find_by(text, Some(&Fixed(cosines.to_vec()))) {
+        let kind = |text: &str, cosines: [f64; 3]| match scene.find_by(text, by(&Fixed(cosines.to_vec()))) {
             Outcome::Match { items } => ('=', items.len()),
             Outcome::Ambiguous { candidates } => ('?', candidates.len()),
             Outcome::NothingMatches { .. } => ('-', 0),
@@ -153,6 +171,87 @@ mod tests {
         // An exact label needs no encoder, and what stands beside it is still a guess.
         assert_eq!(kind("the skull", guess), ('=', 1));
         assert_eq!(kind("the skull and the swollen part", guess).0, '?');
+    }
+
+    /// A ball of a colour, as long as it is large.
+    fn ball(label: &str, size: f64, color: [f32; 3]) -> Item {
+        let covariance = glam::DMat3::from_diagonal(glam::DVec3::splat(size * size));
+        let (deviations, center) = ([size; 3], glam::DVec3::splat(size));
+        let attributes = Some(Attributes { count: 9, center, covariance, deviations, color, opacity: 0.8 });
+        Item { label: Some(label.into()), attributes }
+    }
+
+    #[test]
+    fn things_are_like_one_another_by_look_or_by_name() {
+        const RED: [f32; 3] = [0.8, 0.1, 0.1];
+        const BLUE: [f32; 3] = [0.1, 0.1, 0.8];
+        let items = [
+            ball("sac", 3.0, RED),
+            ball("bud", 3.2, RED),
+            ball("vein", 9.0, BLUE),
+            ball("left kidney", 5.0, BLUE),
+            ball("right kidney", 1.0, RED),
+        ];
+        let selected = items[1].attributes;
+        let scene = Scene::new(items, Frame::XYZ).unwrap();
+        for (text, expected) in [
+            ("things like the sac", ('=', vec![1])),
+            ("what looks like the sac", ('=', vec![1])),
+            ("the other one like the sac", ('=', vec![1])),
+            // A kidney of another size and colour is a kidney.
+            ("parts similar to the left kidney", ('=', vec![4])),
+            ("things like the sac and the left kidney", ('=', vec![1, 4])),
+            ("things like the kidney", ('?', vec![3, 4])),
+            ("things like the vein", ('-', vec![])),
+            ("things like the carburettor", ('-', vec![])),
+            ("things like this", ('-', vec![])),
+        ] {
+            assert_eq!(found(&scene, text), expected, "{text}");
+        }
+        let context = QueryContext { selection: selected.as_ref(), ..QueryContext::default() };
+        let Outcome::Match { items } = scene.find_by("things like this", context) else { panic!("no match") };
+        assert_eq!(items.iter().map(|r| r.item).collect::<Vec<_>>(), [0], "the selection itself is left out");
+        assert_eq!(items[0].explanation(), "like the selection in colour, size, shape, opacity");
+        assert!(items[0].is_inferred());
+        let why = |text: &str| match scene.find(text) {
+            Outcome::NothingMatches { why, .. } => why.to_string(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(why("things like this"), "nothing is selected");
+        assert_eq!(why("things like the vein"), "nothing else is like the vein");
+    }
+
+    /// A model to which each text is as likely for the pictures of the items as these numbers say.
+    struct FixedShares(Vec<Option<f64>>);
+
+    impl UnitPictures for FixedShares {
+        fn shares(&self, _: &str) -> Option<PictureShares> {
+            Some(PictureShares { model: "a model".into(), units: self.0.clone() })
+        }
+    }
+
+    #[test]
+    fn pictures_ask_where_words_find_nothing() {
+        let scene = scene(&["part a", "part b", "handle bar"]);
+        let by = |text: &str, shares: [Option<f64>; 3]| {
+            let pictures = FixedShares(shares.to_vec());
+            scene.find_by(text, QueryContext { pictures: Some(&pictures), ..QueryContext::default() })
+        };
+        let Outcome::Ambiguous { candidates } = by("the saddle", [Some(0.9), Some(0.6), Some(0.2)]) else {
+            panic!("no question")
+        };
+        assert_eq!(candidates.iter().map(|r| (r.item, r.score)).collect::<Vec<_>>(), [(0, 0.9), (1, 0.6)]);
+        assert_eq!(candidates[0].explanation(), "pictures: saddle by a model");
+        // A label decides, looks are measured, and unlikely pictures say nothing.
+        let sure = [Some(0.9), None, None];
+        assert!(matches!(by("the handle bar", sure), Outcome::Match { items } if items[0].item == 2));
+        for (text, shares) in [("the red one", sure), ("the saddle", [Some(0.4), None, None]), ("no saddle", sure)] {
+            let outcome = by(text, shares);
+            assert!(
+                !matches!(&outcome, Outcome::Ambiguous { candidates } if candidates[0].pictures.is_some()),
+                "{text}"
+            );
+        }
     }
 
     #[test]

@@ -28,6 +28,10 @@ pub struct Ranked {
     pub unfit: Vec<String>,
     /// What a sentence encoder compared, where one had a say: "brain tissue ~ grey matter".
     pub meaning: Option<String>,
+    /// What an image-text model sees in its pictures: "handle by clip-vit-base-patch32".
+    pub pictures: Option<String>,
+    /// What it is like, and in what: "the sac in colour, size".
+    pub alike: Option<String>,
     /// Whether it is meant because other items are named as left out.
     pub by_exclusion: bool,
 }
@@ -39,6 +43,12 @@ impl Ranked {
         let mut parts: Vec<String> = self.evidence.iter().map(ToString::to_string).collect();
         if let Some(meaning) = &self.meaning {
             parts.push(format!("meaning: {meaning}"));
+        }
+        if let Some(pictures) = &self.pictures {
+            parts.push(format!("pictures: {pictures}"));
+        }
+        if let Some(alike) = &self.alike {
+            parts.push(format!("like {alike}"));
         }
         if !self.looks.is_empty() {
             parts.push(format!("looks {}", self.looks.join(", ")));
@@ -52,11 +62,15 @@ impl Ranked {
         parts.join("; ")
     }
 
-    /// Whether a meaning, or a label's word of another kind than the same word, speaks for the item: a reply should then say so.
+    /// Whether a meaning, pictures, a likeness, or a label's word of another kind than the same word, speaks for the item: a reply should
+    /// then say so.
     #[must_use]
     pub fn is_inferred(&self) -> bool {
         let is_same = |r| matches!(r, Relation::Exact | Relation::Inflection | Relation::Spacing);
-        self.meaning.is_some() || self.evidence.iter().any(|e| !is_same(e.relation))
+        self.meaning.is_some()
+            || self.pictures.is_some()
+            || self.alike.is_some()
+            || self.evidence.iter().any(|e| !is_same(e.relation))
     }
 }
 
@@ -100,6 +114,10 @@ pub enum Why {
     },
     /// All that matches is excluded.
     AllExcluded,
+    /// Things like the selection are asked for, and nothing is selected.
+    NothingSelected,
+    /// No other thing is like this one.
+    NothingAlike(String),
 }
 
 impl fmt::Display for Why {
@@ -111,6 +129,8 @@ impl fmt::Display for Why {
             Self::NoSuchLook { noun, look } if noun.is_empty() => write!(f, "nothing looks \"{look}\""),
             Self::NoSuchLook { noun, look } => write!(f, "no \"{noun}\" looks \"{look}\""),
             Self::AllExcluded => write!(f, "all that matches is excluded"),
+            Self::NothingSelected => write!(f, "nothing is selected"),
+            Self::NothingAlike(name) => write!(f, "nothing else is like {name}"),
         }
     }
 }

@@ -165,6 +165,93 @@ const NEGATIONS: [&str; 17] = [
     "never",
 ];
 
+/// Words for what a thing of the same kind is: "things like", "similar to", "that looks like".
+const ALIKE: [&[&str]; 14] = [
+    &["that", "looks", "like"],
+    &["that", "look", "like"],
+    &["which", "looks", "like"],
+    &["which", "look", "like"],
+    &["that", "is", "like"],
+    &["that", "are", "like"],
+    &["looks", "like"],
+    &["looking", "like"],
+    &["look", "like"],
+    &["just", "like"],
+    &["like"],
+    &["similar", "to"],
+    &["resembling"],
+    &["alike", "to"],
+];
+/// Pronouns for what is selected.
+const PRONOUNS: [&str; 7] = ["this", "that", "it", "these", "those", "them", "selection"];
+/// Nouns behind a pronoun: "this one".
+const BEHIND_PRONOUNS: [&str; 3] = ["one", "ones", "selection"];
+
+/// What things should be like.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Model {
+    /// The selection: "things like this".
+    Selection,
+    /// What a text means: "things like the sac".
+    Named(String),
+    /// Any thing of that kind: "something like a tube" means tubes.
+    Kind(String),
+}
+
+/// A query for things that are like another one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Alike {
+    pub(super) model: Model,
+    pub(super) number: Number,
+}
+
+/// Reads a query for things that are like another one: only nouns without a meaning of their own stand before "like". `None` for
+/// any other query.
+pub(super) fn alike(text: &str) -> Option<Alike> {
+    let all = words(text);
+    let is_no_name = |word: &String| {
+        let word = word.as_str();
+        LEADS.contains(&word)
+            || FILLERS.contains(&word)
+            || SEVERAL.contains(&word)
+            || UNIVERSAL.contains(&word)
+            || matches!(word, "something" | "other" | "more" | "another")
+            || singular_generic(word).is_some()
+    };
+    let start = all.iter().position(|word| !is_no_name(word)).filter(|_| !all.is_empty());
+    // "Looks" may be read as words without a name too, so the longest reading of the connection is searched from the front.
+    let (at, length) = (0..=start.unwrap_or(all.len())).find_map(|at| {
+        let rest = all.get(at..)?;
+        let found =
+            ALIKE.iter().find(|words| rest.len() > words.len() && rest.iter().zip(**words).all(|(a, b)| a == b))?;
+        Some((at, found.len()))
+    })?;
+    let (before, model) = (all.get(..at)?, all.get(at + length..)?);
+    let model: Vec<&str> = model.iter().map(String::as_str).filter(|word| *word != "please").collect();
+    let several = before.iter().any(|word| {
+        let word = word.as_str();
+        SEVERAL.contains(&word)
+            || UNIVERSAL.contains(&word)
+            || matches!(word, "other" | "more" | "what")
+            || singular_generic(word).is_some_and(|singular| singular != word)
+    });
+    let number = if several || before.is_empty() { Number::Several } else { Number::One };
+    let behind_article: &[&str] = model.strip_prefix(&["the"]).unwrap_or(&model);
+    let model = match behind_article {
+        [] => return None,
+        [pronoun, rest @ ..]
+            if PRONOUNS.contains(pronoun)
+                && rest.iter().all(|w| BEHIND_PRONOUNS.contains(w) || singular_generic(w).is_some()) =>
+        {
+            Model::Selection
+        }
+        ["what", "is" | "i", "selected"] => Model::Selection,
+        ["a" | "an", rest @ ..] if !rest.is_empty() => Model::Kind(rest.join(" ")),
+        _ => Model::Named(model.join(" ")),
+    };
+    Some(Alike { model, number })
+}
+
 /// Reads a query.
 pub(super) fn parse(text: &str, net: &WordNet) -> Query {
     let all = words(text);
@@ -355,6 +442,32 @@ mod tests {
             groups.iter().map(one).collect::<Vec<_>>().join(" + ")
         };
         (tell(&query.groups), tell(&query.excluded), query.number)
+    }
+
+    #[test]
+    fn likeness_has_a_model() {
+        use Number::{One, Several};
+        let read = |text: &str| alike(text).map(|alike| (alike.model, alike.number));
+        let named = |text: &str| Model::Named(text.into());
+        for (text, expected) in [
+            ("things like the sac", (named("the sac"), Several)),
+            ("select everything similar to the left kidney, please", (named("the left kidney"), Several)),
+            ("the other parts that look like the sac", (named("the sac"), Several)),
+            ("the one like the sac", (named("the sac"), One)),
+            ("what looks like the sac", (named("the sac"), Several)),
+            ("like the sac", (named("the sac"), Several)),
+            ("things like this", (Model::Selection, Several)),
+            ("things like this one", (Model::Selection, Several)),
+            ("more like the selection", (Model::Selection, Several)),
+            ("others like it", (Model::Selection, Several)),
+            ("a thing like a tube", (Model::Kind("tube".into()), One)),
+            ("something that looks like a ball", (Model::Kind("ball".into()), One)),
+        ] {
+            assert_eq!(read(text), Some(expected), "{text}");
+        }
+        for text in ["the plant like thing", "the sac", "things like", "a sac like the vein", "", "the red one"] {
+            assert_eq!(read(text), None, "{text}");
+        }
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! Scores of the items for a query, and the outcome.
 
+use crate::attributes::Attributes;
 use crate::attributes::judge::{FITS, Looks};
+use crate::attributes::likeness::Likeness;
 use crate::attributes::quality::{self, Constraint, Look};
 use crate::lexical::{Index, LexicalMatch};
 use crate::meaning::{CALIBRATION, Cosines, LabelCosines};
+use crate::pictures::UnitPictures;
 use crate::query::outcome::{LEAD, Outcome, Ranked, SPREAD, SURE_MEANING, THRESHOLD, Why};
-use crate::query::parse::{Group, Number, Query, parse};
+use crate::query::parse::{Alike, Group, Model, Number, Query, alike, parse};
+use crate::text::Phrase;
 
 /// Least score of a noun for an item to be judged by its look.
 const NAMED: f64 = 0.4;
@@ -27,16 +31,113 @@ pub(super) struct Known<'k> {
     pub(super) looks: &'k Looks,
     /// A sentence encoder, if there is one.
     pub(super) meaning: Option<&'k dyn LabelCosines>,
+    /// An image-text model that has seen the items, if there is one.
+    pub(super) pictures: Option<&'k dyn UnitPictures>,
+    /// The look of the selection, if something is selected.
+    pub(super) selection: Option<&'k Attributes>,
 }
 
 /// The outcome of a text.
 pub(super) fn find(known: Known<'_>, text: &str) -> Outcome {
-    let Known { index, .. } = known;
     let nothing = |why| Outcome::NothingMatches { best: None, why };
-    if index.is_empty() {
+    if known.index.is_empty() {
         return nothing(Why::NoItems);
     }
-    let query = parse(text, index.net());
+    match alike(text) {
+        Some(Alike { model: Model::Kind(kind), number }) => find_named(known, &kind, Some(number)),
+        Some(Alike { model: Model::Selection, number }) => match known.selection {
+            Some(selection) => {
+                find_alike(known, &[Original { item: None, look: Some(selection) }], "the selection", number)
+            }
+            None => nothing(Why::NothingSelected),
+        },
+        Some(Alike { model: Model::Named(name), number }) => match find_named(known, &name, None) {
+            Outcome::Match { items } => {
+                let originals: Vec<Original<'_>> = items.iter().map(|r| known.original(r.item)).collect();
+                find_alike(known, &originals, &name, number)
+            }
+            other => other,
+        },
+        None => find_named(known, text, None),
+    }
+}
+
+/// What things should be like.
+struct Original<'o> {
+    /// The item, unless it is the selection.
+    item: Option<usize>,
+    look: Option<&'o Attributes>,
+}
+
+impl<'k> Known<'k> {
+    fn original(self, item: usize) -> Original<'k> {
+        Original { item: Some(item), look: self.looks.of(item) }
+    }
+}
+
+/// The items that are like one of some originals, by their looks or by the noun of its label. The originals are no answer.
+fn find_alike(known: Known<'_>, originals: &[Original<'_>], name: &str, number: Number) -> Outcome {
+    let Known { index, looks, .. } = known;
+    let nouns: Vec<Vec<Ranked>> =
+        originals.iter().filter_map(|original| Some(namesakes(index, looks, original.item?))).collect();
+    let is_original = |item: usize| {
+        let same = |original: &Original<'_>| match original.item {
+            Some(own) => own == item,
+            None => original.look.is_some() && original.look == looks.of(item),
+        };
+        originals.iter().any(same)
+    };
+    let ranked = (0..index.len()).filter(|item| !is_original(*item)).filter_map(|item| {
+        let by_noun = nouns.iter().flatten().filter(|r| r.item == item).max_by(|a, b| a.score.total_cmp(&b.score));
+        let by_look = originals.iter().filter_map(|original| Some(Likeness::of(original.look?, looks.of(item)?)));
+        let by_look = by_look.max_by(|a, b| a.score.total_cmp(&b.score));
+        let mut ranked = by_noun.cloned().unwrap_or_else(|| unranked(item));
+        if let Some(by_look) = by_look {
+            ranked.score = ranked.score.max(by_look.score);
+            if by_look.score >= THRESHOLD {
+                ranked.alike = Some(format!("{name} in {}", by_look.shared.join(", ")));
+            }
+        }
+        (ranked.score > 0.0).then_some(ranked)
+    });
+    let mut ranked: Vec<Ranked> = ranked.collect();
+    ranked.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.item.cmp(&b.item)));
+    let best = ranked.first().map_or(0.0, |r| r.score);
+    if best < THRESHOLD {
+        return Outcome::NothingMatches { best: ranked.into_iter().next(), why: Why::NothingAlike(name.to_owned()) };
+    }
+    let least = if number == Number::Several { THRESHOLD } else { (best - LEAD).max(THRESHOLD) };
+    let found: Vec<Ranked> = ranked.into_iter().filter(|r| r.score >= least).collect();
+    if number == Number::One && found.len() > 1 {
+        Outcome::Ambiguous { candidates: found }
+    } else {
+        Outcome::Match { items: found }
+    }
+}
+
+/// The items that the nouns of an item's label suit: a right kidney for a left one.
+fn namesakes(index: &Index, looks: &Looks, item: usize) -> Vec<Ranked> {
+    let query = parse(&index.words_of(item).join(" "), index.net());
+    query
+        .groups
+        .iter()
+        .filter(|group| !group.nouns.is_empty())
+        .flat_map(|group| {
+            let group =
+                Group { constraints: Vec::new(), whole: Phrase::default(), is_look: Vec::new(), ..group.clone() };
+            by_words(index, looks, &group, None)
+        })
+        .collect()
+}
+
+/// The outcome of a text that names or describes things.
+fn find_named(known: Known<'_>, text: &str, number: Option<Number>) -> Outcome {
+    let Known { index, .. } = known;
+    let nothing = |why| Outcome::NothingMatches { best: None, why };
+    let mut query = parse(text, index.net());
+    if number == Some(Number::Several) {
+        query.number = Number::Several;
+    }
     if query.groups.is_empty() {
         return nothing(Why::NoWords);
     }
@@ -45,7 +146,12 @@ pub(super) fn find(known: Known<'_>, text: &str) -> Outcome {
     let had_match = ranked.iter().any(|r| r.score >= THRESHOLD);
     ranked.retain(|r| !is_excluded.get(r.item).copied().unwrap_or_default());
     if query.excluded.is_empty() {
-        outcome(ranked, &query, index)
+        let by_words = outcome(ranked, &query, index);
+        let is_unknown = matches!(by_words, Outcome::NothingMatches { .. });
+        match by_pictures(known, &query).filter(|_| is_unknown) {
+            Some(by_pictures) => by_pictures,
+            None => by_words,
+        }
     } else if had_match && !ranked.iter().any(|r| r.score >= THRESHOLD) {
         Outcome::NothingMatches { best: ranked.into_iter().next(), why: Why::AllExcluded }
     } else {
@@ -54,6 +160,24 @@ pub(super) fn find(known: Known<'_>, text: &str) -> Outcome {
         }
         outcome(ranked, &query, index)
     }
+}
+
+/// The items whose pictures a text of one part names, as a question. Pictures are not asked about looks, which are measured.
+fn by_pictures(known: Known<'_>, query: &Query) -> Option<Outcome> {
+    let [group] = query.groups.as_slice() else { return None };
+    if group.nouns.is_empty() {
+        return None;
+    }
+    let shares = known.pictures?.shares(&group.text)?;
+    let best = shares.units.iter().flatten().copied().fold(0.0, f64::max);
+    let candidate = |(item, share): (usize, &Option<f64>)| {
+        let score = share.filter(|share| *share >= (CONTENDER * best).max(THRESHOLD))?;
+        let pictures = Some(format!("{} by {}", group.text, shares.model));
+        (item < known.index.len()).then(|| Ranked { score, pictures, ..unranked(item) })
+    };
+    let mut candidates: Vec<Ranked> = shares.units.iter().enumerate().filter_map(candidate).collect();
+    candidates.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.item.cmp(&b.item)));
+    (!candidates.is_empty()).then_some(Outcome::Ambiguous { candidates })
 }
 
 /// The items by falling score, each by the group that suits it best.
@@ -117,7 +241,7 @@ fn why(ranked: &[Ranked], query: &Query, index: &Index) -> Why {
 
 /// The items that a group speaks for. `among` are the items that looks are judged among, in rising order; by default those that the noun suits.
 fn of_group(known: Known<'_>, group: &Group, number: Number, among: Option<&[usize]>) -> Vec<Ranked> {
-    let Known { index, looks, meaning } = known;
+    let Known { index, looks, meaning, .. } = known;
     if group.universal {
         let all = |item| Ranked { score: 1.0, ..unranked(item) };
         return (0..index.len()).map(all).collect();
@@ -196,6 +320,8 @@ fn unranked(item: usize) -> Ranked {
         looks: Vec::new(),
         unfit: Vec::new(),
         meaning: None,
+        pictures: None,
+        alike: None,
         by_exclusion: false,
     }
 }

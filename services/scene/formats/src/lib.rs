@@ -26,6 +26,7 @@ pub mod npy;
 pub mod save;
 pub mod splat;
 pub mod staged_file;
+pub mod stored_entries;
 pub mod summary;
 pub mod validation;
 

@@ -7,6 +7,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use sg_formats::stored_entries::keep_newest;
 use sg_input::file;
 use sg_scene::model::Scene;
 
@@ -21,6 +22,9 @@ const MAGIC: &[u8; 8] = b"SGCLUS02";
 
 /// Version of the algorithm. It changes with the result for the same scene and options.
 const METHOD_VERSION: &str = "1";
+
+/// Ending of an entry's name.
+const EXTENSION: &str = "clusters";
 
 /// Most entries of a folder. The oldest entries are removed first.
 const MAX_ENTRIES: usize = 64;
@@ -64,7 +68,7 @@ impl ClusterCache {
     /// The file of an entry.
     #[must_use]
     pub fn path(&self, key: &blake3::Hash) -> PathBuf {
-        self.folder.join(format!("{}.clusters", key.to_hex()))
+        self.folder.join(format!("{}.{EXTENSION}", key.to_hex()))
     }
 
     /// Looks up an entry of a scene with `gaussians` Gaussians.
@@ -89,26 +93,7 @@ impl ClusterCache {
     pub fn store(&self, key: &blake3::Hash, clustering: &Clustering, graph: &ClusterGraph) -> io::Result<()> {
         fs::create_dir_all(&self.folder)?;
         sg_formats::staged_file::replace(&self.path(key), &encode(clustering, graph))?;
-        self.trim()
-    }
-
-    fn trim(&self) -> io::Result<()> {
-        let mut entries = Vec::new();
-        for file in fs::read_dir(&self.folder)? {
-            let file = file?;
-            if file.path().extension().is_some_and(|e| e == "clusters") {
-                entries.push((file.metadata()?.modified()?, file.path()));
-            }
-        }
-        entries.sort();
-        let surplus = entries.len().saturating_sub(MAX_ENTRIES);
-        for (_, path) in entries.into_iter().take(surplus) {
-            match fs::remove_file(path) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
-                _ => {}
-            }
-        }
-        Ok(())
+        keep_newest(&self.folder, EXTENSION, MAX_ENTRIES)
     }
 }
 

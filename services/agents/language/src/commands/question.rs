@@ -10,7 +10,7 @@ use crate::query;
 use crate::resolution::{Refusal, Step, target};
 use crate::syntax::phrase::{Input, Outcome, color, end, exactly, skip};
 use crate::syntax::reading::{Reading, Verb};
-use crate::syntax::target::{Target, target_then};
+use crate::syntax::target::{Target, alike_alone, target_then};
 
 /// The command "list".
 pub(super) const LIST: Command = Command {
@@ -92,6 +92,7 @@ pub(super) const DESCRIBE: Command = Command {
             subject,
         ),
         Construct::new("is | are", question),
+        Construct::new("what | which | is there | are there | does anything", likeness),
         Construct::new(
             "describe | describe it all | describe what you see | describe the view | \
                  what do you see | what can you see | tell me what you see | what am i looking at | \
@@ -138,6 +139,11 @@ fn question(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
         return Err(EmptyError);
     }
     Ok(Reading::of(Act::Describe, target))
+}
+
+/// Parses "units are like the sac", "looks like this", "anything similar to the sac".
+fn likeness(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
+    Ok(Reading::of(Act::Describe, alike_alone(input)?))
 }
 
 /// Parses the end of "describe what you see".

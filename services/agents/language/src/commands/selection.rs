@@ -25,6 +25,7 @@ pub(super) const SELECT: Command = Command {
             Ellipsis::Verb,
             select,
         ),
+        Construct::new("find | find me | locate | search for | look for", select),
         Construct::with_ellipsis(
             "deselect | unselect | remove | take | subtract | exclude | drop | leave",
             Ellipsis::Verb,
@@ -39,6 +40,7 @@ pub(super) const SELECT: Command = Command {
     ],
     examples: &[
         "select the {unit}",
+        "find things like the {unit}",
         "add the {other} to the selection",
         "remove the {other} from the selection",
         "invert the selection",

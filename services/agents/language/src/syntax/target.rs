@@ -73,6 +73,15 @@ const EXCEPT: &str = "everything except | everything except for | everything but
  all but | all apart from | all other than | anything but | anything except | all units except | \
  all units but | all structures except | all structures but | the rest except";
 
+/// Things of any kind, before "like".
+const THINGS: &str = "things | thing | others | one | ones | units | unit | structures | structure | parts | part | regions | \
+ region | objects | object | everything | anything | something | all | more | what | whatever";
+
+/// Phrases between things and what they are like.
+const ALIKE: &str = "like | just like | similar to | resembling | looking like | look like | that look like | \
+ which look like | that are like | that is like | which are like | are like | is like | that are similar to | \
+ that is similar to | which are similar to | are similar to | is similar to | resemble | that resemble";
+
 /// Words that are never part of an unknown name.
 const NOT_IN_NAMES: &str = "the | a | an | this | that | these | those | my | your | our | his | her | its | their | it | \
  them | they | me | you | i | we | us | he | she | to | by | from | with | without | at | on | \
@@ -214,6 +223,7 @@ fn separator<'t>(c: char) -> impl Parser<Input<'t>, (), EmptyError> {
 fn items<'t>(input: &Input<'t>, continued: bool) -> Vec<(Target, Input<'t>)> {
     let mut found = Vec::new();
     known(input, &mut found);
+    alike(input, &mut found);
     let mut at = *input;
     let pronoun: Outcome<Reference> = alt((
         one_of(SELECTED).map(|_| Reference { selection: true, ..Reference::default() }),
@@ -256,6 +266,47 @@ fn items<'t>(input: &Input<'t>, continued: bool) -> Vec<(Target, Input<'t>)> {
         unknown(&at, continued && !definite && !explicit, &mut found);
     }
     found
+}
+
+/// Things that are like another one: "things like the sac", "others like this". The labeling service finds them, so the words
+/// stay as they are.
+fn alike<'t>(input: &Input<'t>, found: &mut Vec<(Target, Input<'t>)>) {
+    let mut at = *input;
+    let lead: Outcome<_> = (
+        opt(exactly("all | any")),
+        article,
+        opt(exactly("other | another | more")),
+        one_of(THINGS),
+        opt(exactly("else")),
+        one_of(ALIKE),
+    )
+        .parse_next(&mut at);
+    if lead.is_err() {
+        return;
+    }
+    let tokens = remaining(input);
+    for (model, rest) in items(&at, false) {
+        let length = tokens.len() - remaining(&rest).len();
+        let words = tokens.get(..length).unwrap_or_default();
+        // What the model is, is known; which units are like it, is not.
+        found.push((named(slice(input.state.source, words), model.unknown.max(1)), rest));
+    }
+}
+
+/// Parses what things are like at the end of a question: "units are like the sac", "looks like this".
+pub(crate) fn alike_alone(input: &mut Input<'_>) -> Outcome<Target> {
+    let mut at = *input;
+    (opt(exactly("other | else")), opt(one_of(THINGS)), opt(exactly("else")), one_of(ALIKE)).parse_next(&mut at)?;
+    let tokens = remaining(&at);
+    for (model, mut rest) in items(&at, false) {
+        let length = tokens.len() - remaining(&rest).len();
+        if end(&mut rest).is_ok() {
+            let model_words = slice(input.state.source, tokens.get(..length).unwrap_or_default());
+            *input = rest;
+            return Ok(named(format!("things like {model_words}"), model.unknown.max(1)));
+        }
+    }
+    Err(EmptyError)
 }
 
 fn named(name: String, unknown: usize) -> Target {

@@ -1,0 +1,238 @@
+//! Embeds the units of a scene by their pictures, in the background. A label is usable at once; its embedding follows.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use sg_edit::{EditError, EditState, PlacedScene, Replica, UnitRef};
+use sg_proto::keys;
+use sg_proto::labeling::{self, EmbeddingStatus};
+use sg_runtime::bus::Bus;
+use sg_runtime::context::Context;
+use sg_runtime::scene_replica::SceneReplica;
+use sg_scene::model::Scene;
+use tokio::sync::watch;
+
+use crate::embedding_cache::EmbeddingCache;
+use crate::measured_units::{labelled, looks_alike};
+use crate::picture_encoder::{PictureEncoder, PictureError, RegionEmbedding};
+use crate::region_views::RegionViewsError;
+use crate::unit_embeddings::{Fused, UnitEmbeddings};
+
+/// Most units that are embedded. Words alone speak for the others.
+const MAX_UNITS: usize = 256;
+/// Most Gaussians of a unit that is embedded: drawing more would take a minute.
+const MAX_GAUSSIANS: usize = 1_000_000;
+/// Time without a change of the scene after which units are embedded.
+const SETTLED: Duration = Duration::from_millis(250);
+/// Time before each further try of a unit that could not be embedded.
+const RETRIES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
+/// Which units have an embedding.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct EmbeddingProgress {
+    /// Their names, in the order of the scene.
+    pub(crate) embedded: Vec<String>,
+    /// Number of units whose embedding is still to come.
+    pub(crate) pending: u32,
+}
+
+/// What became of a unit.
+#[derive(Debug, PartialEq, Eq)]
+enum Embedded {
+    /// Its embedding is there.
+    Ready,
+    /// It is not, and will not be before the unit changes.
+    Failed,
+    /// Some unit has changed.
+    Superseded,
+}
+
+/// Why an embedding was not made.
+#[derive(Debug, thiserror::Error)]
+enum EmbeddingProblem {
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    #[error("it has {found} Gaussians; at most {MAX_GAUSSIANS} are drawn for an embedding")]
+    TooLarge { found: usize },
+    #[error("the work broke off")]
+    BrokeOff,
+}
+
+impl EmbeddingProblem {
+    fn is_change(&self) -> bool {
+        matches!(self, Self::Picture(PictureError::Views(RegionViewsError::Superseded)))
+    }
+
+    /// Whether another try may help.
+    fn is_transient(&self) -> bool {
+        !matches!(self, Self::TooLarge { .. } | Self::Picture(PictureError::Views(RegionViewsError::Region(_))))
+    }
+}
+
+/// The region of a unit, and the name of its embedding.
+struct Prepared {
+    alone: Scene,
+    edge: f64,
+    key: blake3::Hash,
+}
+
+/// Embeds units one after another.
+pub(crate) struct Embedder {
+    pub(crate) scene: SceneReplica<Replica>,
+    pub(crate) placed: PlacedScene,
+    pub(crate) embeddings: Arc<UnitEmbeddings>,
+    pub(crate) cache: EmbeddingCache,
+    pub(crate) progress: watch::Sender<EmbeddingProgress>,
+    pub(crate) bus: Bus,
+}
+
+impl Embedder {
+    /// Embeds the units of each revision once the scene has settled, until the scene's feed ends.
+    pub(crate) async fn run(mut self) {
+        loop {
+            let state = Arc::clone(self.scene.newest().replica.state());
+            let is_done = self.embed_units(&state).await;
+            // Names, selection, light and viewpoint may change without an effect on the pictures.
+            while is_done && has_same_units(&state, self.scene.newest().replica.state()) {
+                if self.scene.changed().await.is_none() {
+                    return;
+                }
+            }
+            loop {
+                match tokio::time::timeout(SETTLED, self.scene.changed()).await {
+                    Ok(Some(_)) => {}
+                    Ok(None) => return,
+                    Err(_) => break,
+                }
+            }
+        }
+    }
+
+    /// Embeds all units of a state. Returns false if one has changed meanwhile.
+    async fn embed_units(&self, state: &Arc<EditState>) -> bool {
+        let units: Vec<(String, UnitRef)> =
+            labelled(state).take(MAX_UNITS).map(|(name, unit)| (name.to_owned(), unit)).collect();
+        let names: Vec<String> = units.iter().map(|(name, _)| name.clone()).collect();
+        self.embeddings.retain(&names);
+        let mut pending = units.len() as u32;
+        let publish = |pending| {
+            let progress = EmbeddingProgress { embedded: self.embeddings.embedded(&names), pending };
+            self.progress.send_if_modified(|known| {
+                let is_new = *known != progress;
+                known.clone_from(&progress);
+                is_new
+            });
+        };
+        publish(pending);
+        // Units that somebody saved come before those of the file, the newest first: they are asked for first.
+        let (saved, base): (Vec<_>, Vec<_>) = units.iter().partition(|(_, u)| matches!(u, UnitRef::Editable(_)));
+        for (name, unit) in saved.into_iter().rev().chain(base) {
+            if self.embed(state, name, *unit).await == Embedded::Superseded {
+                return false;
+            }
+            pending -= 1;
+            publish(pending);
+        }
+        true
+    }
+
+    /// Embeds a unit, with further tries after a fault that may pass.
+    async fn embed(&self, state: &Arc<EditState>, name: &str, unit: UnitRef) -> Embedded {
+        let mut retries = RETRIES.iter();
+        loop {
+            let problem = match self.try_embed(state, name, unit).await {
+                Ok(()) => return Embedded::Ready,
+                Err(problem) => problem,
+            };
+            if problem.is_change() {
+                self.report(state, name, EmbeddingStatus::Superseded, labeling::Embedding::default()).await;
+                return Embedded::Superseded;
+            }
+            let Some(pause) = retries.next().filter(|_| problem.is_transient()) else {
+                let reason = labeling::Embedding { problem: problem.to_string(), ..labeling::Embedding::default() };
+                self.report(state, name, EmbeddingStatus::Failed, reason).await;
+                return Embedded::Failed;
+            };
+            tokio::time::sleep(*pause).await;
+        }
+    }
+
+    async fn try_embed(&self, state: &Arc<EditState>, name: &str, unit: UnitRef) -> Result<(), EmbeddingProblem> {
+        let (placed, of, embeddings) = (self.placed.clone(), Arc::clone(state), Arc::clone(&self.embeddings));
+        let prepared = blocking(move || prepare(&placed, &of, unit, embeddings.encoder())).await??;
+        if self.embeddings.has(name, &prepared.key) {
+            return Ok(());
+        }
+        // What it looked like before says nothing of it now.
+        self.embeddings.forget(name);
+        self.report(state, name, EmbeddingStatus::Started, labeling::Embedding::default()).await;
+        let (cache, key, embeddings) = (self.cache.clone(), prepared.key, Arc::clone(&self.embeddings));
+        let (newest, of) = (self.scene.receiver(), Arc::clone(state));
+        let made = blocking(move || {
+            if let Some((embedding, views)) = cache.load(&key) {
+                return Ok::<_, PictureError>((
+                    RegionEmbedding { embedding, views, render_ms: 0.0, encode_ms: 0.0 },
+                    true,
+                ));
+            }
+            let between = || {
+                let is_same = has_same_units(&of, newest.borrow().replica.state());
+                if is_same { Ok(()) } else { Err(RegionViewsError::Superseded) }
+            };
+            let made = embeddings.encoder().encode_region(prepared.alone, prepared.edge, &between)?;
+            if let Err(error) = cache.store(&key, &(made.embedding.clone(), made.views)) {
+                tracing::warn!(%error, "an embedding could not be stored; a restart makes it again");
+            }
+            Ok((made, false))
+        });
+        let (made, stored) = made.await??;
+        let (embeddings, unit_name, embedding) = (Arc::clone(&self.embeddings), name.to_owned(), made.embedding);
+        let Fused { encode_ms, fuse_ms } = blocking(move || embeddings.add(&unit_name, key, &embedding)).await??;
+        let reply = labeling::Embedding {
+            views: made.views as u32,
+            stored,
+            render_ms: made.render_ms,
+            encode_ms: made.encode_ms + encode_ms,
+            fuse_ms,
+            ..labeling::Embedding::default()
+        };
+        self.report(state, name, EmbeddingStatus::Ready, reply).await;
+        Ok(())
+    }
+
+    async fn report(&self, state: &EditState, unit: &str, status: EmbeddingStatus, rest: labeling::Embedding) {
+        let event =
+            labeling::Embedding { unit: unit.to_owned(), status: status.into(), revision: state.revision(), ..rest };
+        if let Err(fault) = self.bus.publish(&keys::LABELING_EMBEDDING, &event, &Context::root()).await {
+            tracing::warn!(%fault, "the progress of an embedding could not be published");
+        }
+    }
+}
+
+/// Runs work on a thread that may block.
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, EmbeddingProblem> {
+    tokio::task::spawn_blocking(work).await.map_err(|_| EmbeddingProblem::BrokeOff)
+}
+
+fn prepare(
+    placed: &PlacedScene,
+    state: &EditState,
+    unit: UnitRef,
+    encoder: &PictureEncoder,
+) -> Result<Prepared, EmbeddingProblem> {
+    let placed = placed.of(state);
+    let members = state.members(unit);
+    let found = members.count();
+    if found > MAX_GAUSSIANS {
+        return Err(EmbeddingProblem::TooLarge { found });
+    }
+    let alone = state.edited_placed(&placed, &members)?;
+    let key = encoder.key(&alone);
+    Ok(Prepared { alone, edge: placed.bounds.longest_edge(), key })
+}
+
+/// Whether two states have the same units under the same names, and all look the same.
+fn has_same_units(a: &EditState, b: &EditState) -> bool {
+    a.revision() == b.revision() || (labelled(a).eq(labelled(b)) && looks_alike(a, b))
+}

@@ -1,0 +1,208 @@
+//! The embeddings of a scene's units: which are there, and how near a text is to each.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use sg_encoders::{Embedding, EmbeddingError, Fusion, fuse};
+use sg_labeling::meaning::BACKGROUND;
+use sg_labeling::pictures::{PictureShares, UnitPictures};
+
+use crate::picture_encoder::{PictureEncoder, PictureError};
+
+/// Most parts of a query that are encoded, such as those that "and" joins.
+const MAX_PARTS: usize = 4;
+
+/// How the embeddings of pictures and of names become one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum FusionChoice {
+    /// The bisector of both.
+    #[default]
+    Normalized,
+    /// The mean of the model's outputs, as the paper prints it.
+    Unnormalized,
+    /// The pictures alone.
+    Pictures,
+    /// The name alone.
+    Name,
+}
+
+/// The embedding of one unit.
+#[derive(Debug, Clone)]
+struct UnitEmbedding {
+    /// That of its pictures, and what they were made of.
+    key: blake3::Hash,
+    fused: Embedding,
+    /// Cosines of the background with it.
+    background: Vec<f32>,
+}
+
+/// Embeddings of the units of a scene, by their names.
+pub(crate) struct UnitEmbeddings {
+    encoder: PictureEncoder,
+    fusion: FusionChoice,
+    /// Embeddings of words of all kinds.
+    background: Vec<Embedding>,
+    known: Mutex<HashMap<String, UnitEmbedding>>,
+}
+
+/// The embedding of a unit was fused.
+pub(crate) struct Fused {
+    pub(crate) encode_ms: f64,
+    pub(crate) fuse_ms: f64,
+}
+
+impl UnitEmbeddings {
+    /// Embeddings by a model, none yet.
+    ///
+    /// # Errors
+    /// [`PictureError`] if the model cannot encode texts.
+    pub(crate) fn new(encoder: PictureEncoder, fusion: FusionChoice) -> Result<Self, PictureError> {
+        let background = encoder.encode_texts(&BACKGROUND)?;
+        Ok(Self { encoder, fusion, background, known: Mutex::default() })
+    }
+
+    /// The model.
+    pub(crate) fn encoder(&self) -> &PictureEncoder {
+        &self.encoder
+    }
+
+    /// Ignores poisoning: each change of the map is complete, even if its thread panics.
+    fn known(&self) -> MutexGuard<'_, HashMap<String, UnitEmbedding>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a unit of this name has an embedding of these pictures.
+    pub(crate) fn has(&self, unit: &str, key: &blake3::Hash) -> bool {
+        self.known().get(unit).is_some_and(|known| known.key == *key)
+    }
+
+    /// The units whose embedding is there, of some names, in their order.
+    pub(crate) fn embedded(&self, units: &[String]) -> Vec<String> {
+        let known = self.known();
+        units.iter().filter(|unit| known.contains_key(*unit)).cloned().collect()
+    }
+
+    /// Forgets all units but these.
+    pub(crate) fn retain(&self, units: &[String]) {
+        let kept: std::collections::HashSet<&String> = units.iter().collect();
+        self.known().retain(|unit, _| kept.contains(unit));
+    }
+
+    /// Forgets a unit whose pictures have changed.
+    pub(crate) fn forget(&self, unit: &str) {
+        self.known().remove(unit);
+    }
+
+    /// Fuses the embedding of a unit's pictures with that of its name.
+    ///
+    /// # Errors
+    /// [`PictureError`] for a name that the model cannot encode.
+    pub(crate) fn add(&self, unit: &str, key: blake3::Hash, pictures: &Embedding) -> Result<Fused, PictureError> {
+        let start = std::time::Instant::now();
+        let name = self.encoder.encode_texts(&[unit])?;
+        let encoded = start.elapsed();
+        let name = name.first().ok_or(EmbeddingError::Empty)?;
+        let fused = match self.fusion {
+            FusionChoice::Normalized => fuse(pictures, name, Fusion::Normalised)?,
+            FusionChoice::Unnormalized => fuse(pictures, name, Fusion::Unnormalised)?,
+            FusionChoice::Pictures => pictures.clone(),
+            FusionChoice::Name => name.clone(),
+        };
+        // Embeddings of one model always compare.
+        let background = self.background.iter().filter_map(|word| word.cosine(&fused).ok()).collect();
+        self.known().insert(unit.to_owned(), UnitEmbedding { key, fused, background });
+        Ok(Fused { encode_ms: encoded.as_secs_f64() * 1e3, fuse_ms: (start.elapsed() - encoded).as_secs_f64() * 1e3 })
+    }
+
+    /// The embeddings for the units of a scene, for one query.
+    pub(crate) fn of<'e>(&'e self, units: &'e [String]) -> SceneEmbeddings<'e> {
+        SceneEmbeddings { embeddings: self, units, parts: std::cell::Cell::new(0) }
+    }
+}
+
+/// Embeddings of some units, for one query.
+pub(crate) struct SceneEmbeddings<'e> {
+    embeddings: &'e UnitEmbeddings,
+    units: &'e [String],
+    parts: std::cell::Cell<usize>,
+}
+
+impl UnitPictures for SceneEmbeddings<'_> {
+    fn shares(&self, text: &str) -> Option<PictureShares> {
+        if self.embeddings.known().is_empty() || self.parts.get() == MAX_PARTS {
+            return None;
+        }
+        self.parts.set(self.parts.get() + 1);
+        let encoder = &self.embeddings.encoder;
+        let encoded = encoder.encode_texts(&[text]);
+        let text = encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()?;
+        let known = self.embeddings.known();
+        let share = |unit: &String| {
+            let unit = known.get(unit)?;
+            Some(encoder.share(unit.fused.cosine(&text).ok()?, &unit.background))
+        };
+        Some(PictureShares { model: encoder.name().to_owned(), units: self.units.iter().map(share).collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use sg_encoders::Precision;
+
+    use super::*;
+
+    fn embeddings(fusion: FusionChoice) -> UnitEmbeddings {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../encoders/tests/fixtures/clip-gelu");
+        UnitEmbeddings::new(PictureEncoder::open(&folder, Precision::F32, 1).unwrap(), fusion).unwrap()
+    }
+
+    #[test]
+    fn pictures_and_names_become_one_embedding() {
+        let units = ["sac".to_owned(), "body".to_owned()];
+        let key = blake3::hash(b"a region");
+        for (fusion, expected) in [
+            (FusionChoice::Normalized, Some(Fusion::Normalised)),
+            (FusionChoice::Unnormalized, Some(Fusion::Unnormalised)),
+            (FusionChoice::Pictures, None),
+            (FusionChoice::Name, None),
+        ] {
+            let embeddings = embeddings(fusion);
+            let name = embeddings.encoder.encode_texts(&["sac"]).unwrap().remove(0);
+            let pictures = embeddings.encoder.encode_texts(&["something else"]).unwrap().remove(0);
+            assert!(embeddings.of(&units).shares("sac").is_none(), "no unit has an embedding");
+            embeddings.add("sac", key, &pictures).unwrap();
+            let known = embeddings.known().get("sac").unwrap().fused.clone();
+            let fused = match (fusion, expected) {
+                (_, Some(fusion)) => fuse(&pictures, &name, fusion).unwrap(),
+                (FusionChoice::Pictures, None) => pictures,
+                _ => name,
+            };
+            assert_eq!(known, fused, "{fusion:?}");
+            let shares = embeddings.of(&units).shares("sac").unwrap();
+            assert_eq!((shares.model.as_str(), shares.units.len(), shares.units[1]), ("clip-gelu", 2, None));
+            assert!(shares.units[0].is_some_and(|share| (0.0..=1.0).contains(&share)));
+        }
+    }
+
+    #[test]
+    fn units_come_and_go() {
+        let embeddings = embeddings(FusionChoice::Name);
+        let pictures = embeddings.encoder.encode_texts(&["a thing"]).unwrap().remove(0);
+        let (key, other) = (blake3::hash(b"a region"), blake3::hash(b"another one"));
+        let units = ["b", "a", "c"].map(str::to_owned);
+        for unit in &units {
+            embeddings.add(unit, key, &pictures).unwrap();
+        }
+        assert!(embeddings.has("a", &key) && !embeddings.has("a", &other) && !embeddings.has("d", &key));
+        assert_eq!(embeddings.embedded(&units), units);
+        embeddings.forget("b");
+        embeddings.retain(&units[..2]);
+        assert_eq!(embeddings.embedded(&units), ["a"]);
+        let parts = embeddings.of(&units);
+        let answered = (0..6).filter(|i| parts.shares(&format!("part {i}")).is_some()).count();
+        assert_eq!(answered, MAX_PARTS);
+    }
+}
