@@ -159,7 +159,7 @@ async fn shown(bus: &Bus) -> ViewState {
     let request = ChangesRequest { from: 0, snapshot: true };
     let snapshot = bus.ask(&keys::SCENE_CHANGES, &request, &soon()).await.unwrap().snapshot.unwrap();
     let told = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-    let services = ServiceAvailability { scene: true, selection: true, agents: true };
+    let services = ServiceAvailability { scene: true, selection: true, agents: true, labeling: false };
     // The Select panel has a row for the answers to the newest strokes.
     let context = soon();
     let selection = loop {

@@ -45,6 +45,7 @@ use tokio::time::{Interval, MissedTickBehavior};
 mod clusters;
 mod decode;
 mod display;
+mod labeling;
 mod params;
 mod pick;
 mod preview;

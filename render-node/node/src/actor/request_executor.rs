@@ -1,4 +1,5 @@
-//! Carries out a person's requests at a display, one after another. Messages to the agents run asynchronously.
+//! Carries out a person's requests at a display, one after another. Messages to the agents and questions to the labeling service
+//! run asynchronously.
 
 use std::io;
 use std::path::Path;
@@ -23,6 +24,7 @@ use sg_scene::mask::Mask;
 use sg_viewer::display::{Request, RequestQueue, StateWriter};
 use tokio::runtime::Handle;
 
+use super::labeling::Questions;
 use super::preview;
 
 /// Timeout of a change or a stroke, long enough for a service's restart.
@@ -50,7 +52,9 @@ const AGENT_TIMEOUT: Duration = Duration::from_secs(120);
 pub(super) fn run(bus: Bus, requests: Receiver<Request>, writer: StateWriter) -> io::Result<()> {
     let runtime = Handle::current();
     let body = move || {
-        let mut executor = RequestExecutor { bus, writer, preview: Arc::new(Mask::empty(0)), utterance_id: None };
+        let questions = Questions::new(bus.clone(), writer.clone());
+        let preview = Arc::new(Mask::empty(0));
+        let mut executor = RequestExecutor { bus, writer, preview, utterance_id: None, questions };
         for request in RequestQueue::new(requests) {
             runtime.block_on(executor.carry_out(request));
         }
@@ -66,11 +70,13 @@ struct RequestExecutor {
     preview: Arc<Mask>,
     /// Id of the last sentence.
     utterance_id: Option<String>,
+    /// Questions to the labeling service.
+    questions: Questions,
 }
 
 impl RequestExecutor {
     async fn carry_out(&mut self, request: Request) {
-        let Self { bus, writer, preview, utterance_id } = self;
+        let Self { bus, writer, preview, utterance_id, questions } = self;
         match request {
             Request::Change(action) => report_failure(writer, apply(bus, *action).await),
             Request::Sample(sample) => {
@@ -94,6 +100,8 @@ impl RequestExecutor {
             },
             Request::Forget => forget(writer),
             Request::Propose(count) => report_failure(writer, propose(bus, writer, count).await),
+            Request::Find { number, text } => questions.find(number, text),
+            Request::Views { number, unit } => questions.views(number, unit),
             Request::Speech(control) => {
                 let request = ControlRequest { control: control.into() };
                 let context = Context::root().deadline_in(TIMEOUT);

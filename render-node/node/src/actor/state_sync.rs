@@ -20,7 +20,7 @@ use sg_viewer::display::{Conversation, Entry, ServiceAvailability, StateWriter, 
 use tokio::sync::watch;
 
 use super::clusters::ClusterLabels;
-use super::preview;
+use super::{labeling, preview};
 
 /// Most waiting messages of a conversation.
 const QUEUE: usize = 64;
@@ -60,6 +60,9 @@ pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer:
     tokio::spawn(conversation(feeds, writer.clone()));
     let speech = bus.subscribe(&keys::SPEECH_CHANGE, role::SPEECH, QUEUE).await?;
     tokio::spawn(self::speech(bus.clone(), speech, bus.watch_liveliness(QUEUE).await?, writer.clone()));
+    let embeddings = bus.subscribe(&keys::LABELING_EMBEDDING, role::LABELING, QUEUE).await?;
+    let liveliness = bus.watch_liveliness(QUEUE).await?;
+    tokio::spawn(labeling::follow(bus.clone(), embeddings, liveliness, replica.receiver(), writer.clone()));
     tokio::spawn(opened(bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
     Ok(())
 }
@@ -165,6 +168,7 @@ async fn services(
             scene: is_there(role::SCENE),
             selection: is_there(role::SELECTION),
             agents: is_there(role::AGENT_CORE) && is_there(role::AGENT_INTENT) && is_there(role::AGENT_FUNCTION),
+            labeling: is_there(role::LABELING),
         };
         writer.update(|state| {
             state.services = services;

@@ -21,6 +21,20 @@ pub enum Request {
     Forget,
     /// Asks for at most this many proposals for a next stroke.
     Propose(u32),
+    /// Asks which units a text means. The answer has this number. A newer question supersedes an older one.
+    Find {
+        /// Number of the question, greater than those before.
+        number: u64,
+        /// The text.
+        text: String,
+    },
+    /// Asks for the best views of a unit, likewise.
+    Views {
+        /// Number of the question, greater than those before.
+        number: u64,
+        /// Name of the unit; empty for the selection.
+        unit: String,
+    },
     /// Something said to the agents.
     Say(String),
     /// Withdraws the last sentence.
@@ -36,6 +50,24 @@ pub enum Request {
 impl Request {
     /// Whether the later request makes this one obsolete.
     pub(super) fn is_superseded_by(&self, later: &Self) -> bool {
-        matches!((self, later), (Self::Tune(_), Self::Tune(_) | Self::Select(_) | Self::Forget))
+        matches!(
+            (self, later),
+            (Self::Tune(_), Self::Tune(_) | Self::Select(_) | Self::Forget)
+                | (Self::Find { .. }, Self::Find { .. })
+                | (Self::Views { .. }, Self::Views { .. })
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_newer_question_supersedes_an_older_one_of_its_kind() {
+        let find = |number| Request::Find { number, text: "the largest vessel".to_owned() };
+        let views = |number| Request::Views { number, unit: "vessel".to_owned() };
+        assert!(find(1).is_superseded_by(&find(2)) && views(1).is_superseded_by(&views(2)));
+        assert!(!find(1).is_superseded_by(&views(2)) && !views(1).is_superseded_by(&Request::Forget));
     }
 }

@@ -12,6 +12,7 @@ use sg_scene::model::SceneBox;
 
 use super::clusters::Clusters;
 use super::conversation::Conversation;
+use super::labeling::Labeling;
 
 /// Most notices kept for a person.
 pub const NOTICES: usize = 8;
@@ -45,6 +46,8 @@ pub struct ViewState {
     pub conversation: Arc<Conversation>,
     /// State of the speech service; absent while it is away.
     pub speech: Option<Arc<sg_proto::speech::State>>,
+    /// What the labeling service has told.
+    pub labeling: Arc<Labeling>,
     /// Which services answer.
     pub services: ServiceAvailability,
     /// Errors and other notices, newest last, at most [`NOTICES`] lines.
@@ -69,6 +72,7 @@ impl ViewState {
             clusters: None,
             conversation: Arc::default(),
             speech: None,
+            labeling: Arc::default(),
             services: ServiceAvailability::default(),
             notices: Arc::default(),
         }
@@ -184,6 +188,8 @@ pub struct ServiceAvailability {
     pub selection: bool,
     /// The agents take part in a conversation.
     pub agents: bool,
+    /// A text finds units, and units have best views.
+    pub labeling: bool,
 }
 
 /// A line for a person.

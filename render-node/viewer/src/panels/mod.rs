@@ -39,6 +39,8 @@ mod function;
 mod history;
 mod icon;
 mod keyboard;
+mod label_questions;
+mod labels;
 mod language;
 mod last_turn;
 mod legend;

@@ -8,6 +8,7 @@ use sg_proto::scene::command::Action;
 use sg_raster::attributes;
 use sg_volume::TransferFunction;
 
+use super::label_questions::LabelQuestions;
 use super::last_turn::LastTurn;
 use super::output::{DisplayAction, PanelHost};
 use super::text_input::TextInput;
@@ -42,6 +43,7 @@ pub struct Panels {
     pub(super) shift: bool,
     pub(super) renaming: Option<UnitRef>,
     pub(super) select: SelectState,
+    pub(super) labels: LabelQuestions,
     /// Whether the button that is held to talk was down.
     pub(super) is_talking: bool,
     /// The newest turn of the conversation as it was shown last.

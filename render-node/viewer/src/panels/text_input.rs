@@ -17,6 +17,8 @@ pub(super) enum Field {
     NewName,
     /// The sentence for the agents.
     Say,
+    /// The words for units to be found.
+    Find,
 }
 
 impl Field {
@@ -26,6 +28,7 @@ impl Field {
             Self::SaveName => "name of the new unit",
             Self::NewName => "new name",
             Self::Say => "say",
+            Self::Find => "words for units",
         }
     }
 }
@@ -47,13 +50,13 @@ pub(super) enum FieldEvent {
 #[derive(Debug, Default)]
 pub(super) struct TextInput {
     field: Option<Field>,
-    texts: [String; 3],
+    texts: [String; 4],
     keys: Vec<Event>,
     leave: bool,
     wanted: Option<Field>,
     version: u64,
     /// Where each field was drawn last, until [`Self::take_place`].
-    places: [Option<Rect>; 3],
+    places: [Option<Rect>; 4],
 }
 
 /// Key of a context's memory for the place of its virtual keyboard.

@@ -91,8 +91,9 @@ fn can_rename(state: &ViewState, unit: UnitRef) -> bool {
 }
 
 impl Panels {
-    /// The structures: those of the file, saved ones, and those that commands made.
+    /// The structures: those of the file, saved ones, and those that commands made. Above them is what finds one.
     pub(super) fn structures(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+        self.labels(ui, state, output);
         match self.host {
             PanelHost::Window => {
                 section(ui, "Structures", true, |ui| {
@@ -225,11 +226,16 @@ impl Panels {
                 self.join(row.unit);
                 return;
             }
-            self.joined.clear();
-            self.chosen = if chosen { None } else { Some(row.unit) };
-            self.renaming = None;
-            self.text_input.forget(Field::NewName);
+            self.choose(if chosen { None } else { Some(row.unit) });
         }
+    }
+
+    /// Opens the controls of a unit, and closes those of another one.
+    pub(super) fn choose(&mut self, unit: Option<UnitRef>) {
+        self.joined.clear();
+        self.chosen = unit;
+        self.renaming = None;
+        self.text_input.forget(Field::NewName);
     }
 
     /// A slider of the opacity factor, unless it is too short to be dragged, and the mean factor of all edits on its Gaussians.

@@ -355,6 +355,7 @@ fn same(a: &ViewState, b: &ViewState) -> bool {
         && Arc::ptr_eq(&a.selected, &b.selected)
         && Arc::ptr_eq(&a.conversation, &b.conversation)
         && Arc::ptr_eq(&a.notices, &b.notices)
+        && Arc::ptr_eq(&a.labeling, &b.labeling)
         && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
         && a.proposals.as_ref().map(Arc::as_ptr) == b.proposals.as_ref().map(Arc::as_ptr)
         && a.answers == b.answers

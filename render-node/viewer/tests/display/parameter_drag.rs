@@ -25,7 +25,7 @@ pub(crate) fn after_steps(scene: &Arc<Scene>, steps: Vec<Step>) -> ViewState {
     let commit = Action::CommitSelection(CommitSelection { mask, steps, ..CommitSelection::default() });
     let state = EditState::of_scene(scene, "scene.ply", "hash").after(scene, commit).unwrap();
     ViewState {
-        services: ServiceAvailability { scene: true, selection: true, agents: false },
+        services: ServiceAvailability { scene: true, selection: true, agents: false, labeling: false },
         walk_capabilities: Some(WalkCapabilities { tuning: Some(FIRST), most_proposals: 16 }),
         ..ViewState::of(Arc::new(state))
     }

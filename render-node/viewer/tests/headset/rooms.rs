@@ -214,7 +214,7 @@ fn place_under(
 
 pub(crate) fn shown_of(scene: &Scene) -> ViewState {
     let state = Arc::new(EditState::of_scene(scene, "scene.ply", "hash"));
-    let services = ServiceAvailability { scene: true, selection: true, agents: false };
+    let services = ServiceAvailability { scene: true, selection: true, agents: false, labeling: false };
     ViewState { services, undo: Arc::from(["a stroke".to_owned()]), ..ViewState::of(state) }
 }
 

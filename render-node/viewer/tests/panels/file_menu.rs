@@ -19,7 +19,7 @@ use crate::stage::{after, save, scene, select};
 fn window(folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let scene = scene();
     let state = after(&scene, [select(&scene, 10..60), save("sac")]);
-    let services = ServiceAvailability { scene: true, selection: true, agents: true };
+    let services = ServiceAvailability { scene: true, selection: true, agents: true, labeling: false };
     let (view_port, service) = ViewPort::new(ViewState { services, ..ViewState::of(state) });
     let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
     let settings = Settings { panels: false, mouse_tool: MouseTool::Navigate, ..Settings::default() };

@@ -11,6 +11,7 @@ mod appearance;
 mod curves;
 mod file_menu;
 mod frame_rate;
+mod labels;
 mod legends;
 mod microphone;
 mod monkey;

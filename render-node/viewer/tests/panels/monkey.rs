@@ -8,9 +8,10 @@ use egui_kittest::kittest::{By, NodeT, Queryable};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_edit::EditError;
+use sg_proto::labeling::{Candidate, FindReply, Outcome};
 use sg_proto::scene::command::Action;
 use sg_scene::model::Scene;
-use sg_viewer::display::{Drafts, Request, ServiceAvailability};
+use sg_viewer::display::{Answer, Drafts, Request, ServiceAvailability};
 use sg_viewer::panels::{DisplayAction, Draft, Output, Panel};
 
 use crate::stage::{Stage, docked, harness, press, scene};
@@ -56,6 +57,11 @@ fn play(harness: &mut Harness<'_, Stage>, random: &mut ChaCha8Rng) -> Vec<Output
     std::mem::take(&mut harness.state_mut().asked)
 }
 
+/// A unit that a text may mean.
+fn candidate(unit: &str) -> Candidate {
+    Candidate { unit: unit.to_owned(), score: 0.5, ..Candidate::default() }
+}
+
 /// The scene owner's answer to a change. A refusal that a person can do nothing about is a fault of the panel.
 fn take(harness: &mut Harness<'_, Stage>, scene: &Arc<Scene>, action: &Action) {
     let shown = &mut harness.state_mut().shown;
@@ -79,13 +85,19 @@ fn only_available_requests_are_sent_and_they_are_valid() {
     let scene = scene();
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let (mut changes, mut held, mut selects, mut said, mut wished, mut tuned) = (0, 0, 0, 0, 0, 0);
+    let mut questions = 0;
     let docked = docked();
     for round in 0..6 * docked.len() {
         let panel = docked[round % docked.len()];
         let services = if round < 3 * docked.len() {
-            ServiceAvailability { scene: true, selection: true, agents: true }
+            ServiceAvailability { scene: true, selection: true, agents: true, labeling: true }
         } else {
-            ServiceAvailability { scene: random.random(), selection: random.random(), agents: random.random() }
+            ServiceAvailability {
+                scene: random.random(),
+                selection: random.random(),
+                agents: random.random(),
+                labeling: random.random(),
+            }
         };
         let mut stage = Stage::new(panel);
         stage.shown.services = services;
@@ -134,6 +146,20 @@ fn only_available_requests_are_sent_and_they_are_valid() {
                             assert!(harness.state().shown.tuning().is_some(), "there is a walk, and who does it again");
                             tuned += 1;
                         }
+                        Request::Find { number, text } => {
+                            assert!(services.labeling && !text.is_empty() && text.len() <= 512, "{text}");
+                            questions += 1;
+                            let units = ["sac", "vessel", "former"].map(candidate).to_vec();
+                            let reply = FindReply { outcome: Outcome::Match.into(), units, ..FindReply::default() };
+                            let labeling = Arc::make_mut(&mut harness.state_mut().shown.labeling);
+                            labeling.take_found(Answer { number, result: Ok(reply) });
+                        }
+                        Request::Views { unit, .. } => {
+                            let scene = &harness.state().shown.scene;
+                            assert!(services.labeling);
+                            assert!(unit.is_empty() || scene.names().any(|(name, _)| name == unit), "{unit}");
+                            questions += 1;
+                        }
                         Request::Speech(_) => said += 1,
                         Request::Sample(_) | Request::Forget => panic!("panels draw no strokes"),
                         Request::Open(..) | Request::Save(_) => panic!("panels open and save no file"),
@@ -143,7 +169,8 @@ fn only_available_requests_are_sent_and_they_are_valid() {
         }
     }
     println!("{changes} changes, {held} drafts, {selects} selections, {tuned} tried, {said} said, {wished} wishes");
-    assert!(changes > 100 && held > 20 && selects > 20 && tuned > 5 && said > 20 && wished > 0);
+    println!("{questions} questions");
+    assert!(changes > 100 && held > 20 && selects > 20 && tuned > 5 && said > 20 && wished > 0 && questions > 4);
 }
 
 #[test]

@@ -91,7 +91,7 @@ pub(crate) fn shown() -> ViewState {
         clusters: Some(Arc::new(Clusters::new((0..scene.len()).map(|i| (i / 50) as u32).collect()))),
         conversation: Arc::new(talk),
         speech: Some(Arc::new(microphone(Phase::Idle))),
-        services: ServiceAvailability { scene: true, selection: true, agents: true },
+        services: ServiceAvailability { scene: true, selection: true, agents: true, labeling: false },
         notices: [
             Notice { number: 1, text: "reading the scene took 1.2 s".to_owned(), refused: false },
             Notice { number: 2, text: "there is no unit `sack`; did you mean `sac`?".to_owned(), refused: true },

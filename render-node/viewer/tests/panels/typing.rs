@@ -121,7 +121,8 @@ fn a_conversation_is_read_gone_on_with_and_stopped() {
     panel.state_mut().shown.conversation = std::sync::Arc::new(talk);
     panel.run();
     assert!(panel.query_by_label("stop").is_none(), "nothing is under way");
-    panel.state_mut().shown.services = ServiceAvailability { scene: true, selection: true, agents: false };
+    panel.state_mut().shown.services =
+        ServiceAvailability { scene: true, selection: true, agents: false, labeling: false };
     panel.run();
     assert!(panel.query_by_label("say").is_none() && panel.query_by_label("Language").is_none());
 }

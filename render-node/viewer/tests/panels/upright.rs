@@ -36,7 +36,7 @@ impl Desk {
     fn open(orientation: Orientation) -> Self {
         let scene = Arc::new(Scene { orientation, ..Scene::clone(&scene()) });
         let state = after(&scene, [select(&scene, 10..60)]);
-        let services = ServiceAvailability { scene: true, selection: true, agents: true };
+        let services = ServiceAvailability { scene: true, selection: true, agents: true, labeling: false };
         let (view_port, service) = ViewPort::new(ViewState { services, ..ViewState::of(Arc::clone(&state)) });
         let engine = Engine::new(Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
         let settings = Settings { panels: false, mouse_tool: MouseTool::Navigate, ..Settings::default() };

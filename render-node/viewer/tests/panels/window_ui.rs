@@ -28,7 +28,7 @@ pub(crate) fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, Wi
 fn desk_of(settings: &Settings, size: Vec2, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let scene = scene();
     let state = after(&scene, []);
-    let services = ServiceAvailability { scene: true, selection: true, agents: true };
+    let services = ServiceAvailability { scene: true, selection: true, agents: true, labeling: false };
     let (view_port, service) = ViewPort::new(ViewState { services, ..ViewState::of(state) });
     let engine = Engine::new(sg_scene::model::Scene::clone(&scene), backend::Backend::Cpu, None).unwrap();
     let mut tools = Tools::default();
