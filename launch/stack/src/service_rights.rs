@@ -229,6 +229,11 @@ impl Process<'_> {
         } else {
             rights.read.insert(clusters)
         };
+        if self.role == role::LABELING {
+            let embeddings = self.run_dir.join("embeddings");
+            make_folder(&embeddings)?;
+            rights.write.insert(embeddings);
+        }
         if let Some(certificates) = &self.link.certificates {
             rights
                 .read
@@ -280,10 +285,13 @@ impl Process<'_> {
                     }
                 }
             },
-            role::SELECTION => {
+            role::SELECTION | role::LABELING => {
                 if let Some(cache) = path("cache") {
                     make_folder(&cache)?;
                     rights.write.insert(cache);
+                }
+                if self.role == role::LABELING {
+                    rights.read.extend(self.models());
                 }
             }
             role::SPEECH => {
@@ -299,7 +307,6 @@ impl Process<'_> {
                 }
                 rights.read.extend(self.models());
             }
-            role::LABELING => rights.read.extend(self.models()),
             _ => {}
         }
         Ok(())

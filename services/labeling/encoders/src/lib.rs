@@ -7,6 +7,7 @@
 //! All towers are one pre- or post-norm transformer (`transformer`) with names of tensors by layout (`layout`). Tests compare
 //! them with the published implementations, see `tests/fixtures/make.py`.
 
+mod adapter;
 mod batches;
 mod config;
 mod embedding;
@@ -32,6 +33,7 @@ mod hostile_tests;
 #[cfg(test)]
 mod parity_tests;
 
+pub use adapter::{RIDGE, adapted};
 pub use embedding::{Embedding, EmbeddingError};
 pub use encoder::{ImageEncoder, TextEncoder};
 pub use error::EncoderError;

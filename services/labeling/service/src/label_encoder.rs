@@ -14,6 +14,8 @@ use sg_labeling::meaning::{BACKGROUND, Cosines, LabelCosines, described};
 const USUAL_MODEL: &str = "models/all-MiniLM-L6-v2";
 /// Most labels whose embeddings are kept: 13 MB for the usual model.
 const MAX_LABELS: NonZeroUsize = NonZeroUsize::new(4096).unwrap();
+/// Most labels that are kept of units that have gone: undo may bring them back. A long session makes thousands of others.
+const MAX_FORMER: usize = 256;
 /// Most labels that are encoded while somebody waits. Others count by their words alone until they are encoded.
 const MAX_AT_ONCE: usize = 4;
 /// Most parts of a query that are encoded, such as those that "and" joins. Words alone speak for the others.
@@ -137,9 +139,21 @@ impl LabelEncoder {
     pub(crate) fn encode_next(&self, labels: &[String]) -> Result<bool, EncoderError> {
         let next = self.unknown(kept(labels), BATCH);
         if next.is_empty() {
+            self.forget_former(kept(labels));
             return Ok(false);
         }
         self.encode(&next).map(|()| true)
+    }
+
+    /// Forgets the oldest labels that are not of the scene, beyond [`MAX_FORMER`].
+    fn forget_former(&self, labels: &[String]) {
+        let mut known = self.known();
+        for label in labels {
+            known.promote(label);
+        }
+        while known.len() > labels.len() + MAX_FORMER {
+            known.pop_lru();
+        }
     }
 
     /// The encoder for the labels of a scene, for one query.
@@ -269,6 +283,24 @@ mod tests {
             let found = only(scene.find_by(label, by(&encoder.labelled(&labels))));
             assert_eq!((found.item, found.score, found.meaning), (at, 1.0, None));
         }
+    }
+
+    /// A soak of 200,000 commands found this: each unit that was ever saved kept its embedding.
+    #[test]
+    fn labels_of_units_that_have_gone_are_forgotten() {
+        let Some(encoder) = usual() else { return };
+        let lasting = "skull".to_owned();
+        for round in 0..8 {
+            let passing = (0..64).map(|i| format!("unit {}", 64 * round + i));
+            let labels: Vec<String> = std::iter::once(lasting.clone()).chain(passing).collect();
+            while encoder.encode_next(&labels).unwrap() {}
+            assert!(encoder.known().len() <= labels.len() + MAX_FORMER);
+            assert!(labels.iter().all(|label| encoder.known().contains(label)), "those of the scene stay");
+        }
+        let few = [lasting];
+        assert!(!encoder.encode_next(&few).unwrap());
+        assert_eq!(encoder.known().len(), 1 + MAX_FORMER);
+        assert!(encoder.known().contains(&few[0]));
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub(crate) struct Params {
     pub(crate) views: usize,
     /// How pictures and name become one embedding.
     pub(crate) fusion: FusionChoice,
+    /// Whether an adapter is fitted on the session's own labels.
+    pub(crate) adapter: bool,
     /// Folder of stored embeddings; by default `embeddings` in the folder of the session.
     pub(crate) cache: Option<PathBuf>,
 }
@@ -41,6 +43,7 @@ impl Default for Params {
             image_precision: Precision::F32,
             views: 5,
             fusion: FusionChoice::default(),
+            adapter: false,
             cache: None,
         }
     }
@@ -71,7 +74,7 @@ impl Params {
     pub(crate) fn embeddings(&self) -> Result<Option<Arc<UnitEmbeddings>>, PictureError> {
         let ImageEncoderChoice::Folder(folder) = &self.image_encoder else { return Ok(None) };
         let encoder = PictureEncoder::open(folder, self.image_precision, self.views)?;
-        Ok(Some(Arc::new(UnitEmbeddings::new(encoder, self.fusion)?)))
+        Ok(Some(Arc::new(UnitEmbeddings::new(encoder, self.fusion, self.adapter)?)))
     }
 }
 
@@ -86,11 +89,12 @@ mod tests {
         assert_eq!((usual.views, usual.fusion, usual.cache), (5, FusionChoice::Normalized, None));
         assert!(usual.image_encoder == ImageEncoderChoice::None);
         let own = of(serde_json::json!({
-            "image_encoder": "/models/clip", "image_precision": "int8", "views": 3, "fusion": "pictures", "cache": "/c",
+            "image_encoder": "/models/clip", "image_precision": "int8", "views": 3, "fusion": "pictures", "cache": "/c", "adapter": true,
         }));
         let own = own.unwrap();
         assert_eq!(own.image_encoder, ImageEncoderChoice::Folder("/models/clip".into()));
         assert_eq!((own.image_precision, own.views, own.fusion), (Precision::Int8, 3, FusionChoice::Pictures));
+        assert!(own.adapter && !usual.adapter);
         for (params, problem) in [
             (serde_json::json!({"views": 0}), "`views` is 0; it must be 1 to 12"),
             (serde_json::json!({"image_precision": "f64"}), "it must be f32, f16 or int8"),

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use sg_encoders::{Embedding, EmbeddingError, Fusion, fuse};
+use sg_encoders::{Embedding, EmbeddingError, Fusion, RIDGE, adapted, fuse};
 use sg_labeling::meaning::BACKGROUND;
 use sg_labeling::pictures::{PictureShares, UnitPictures};
 
@@ -30,8 +30,10 @@ pub(crate) enum FusionChoice {
 /// The embedding of one unit.
 #[derive(Debug, Clone)]
 struct UnitEmbedding {
-    /// That of its pictures, and what they were made of.
+    /// What its pictures were made of.
     key: blake3::Hash,
+    pictures: Embedding,
+    name: Embedding,
     fused: Embedding,
     /// Cosines of the background with it.
     background: Vec<f32>,
@@ -41,6 +43,8 @@ struct UnitEmbedding {
 pub(crate) struct UnitEmbeddings {
     encoder: PictureEncoder,
     fusion: FusionChoice,
+    /// Whether an adapter is fitted on the units.
+    adapts: bool,
     /// Embeddings of words of all kinds.
     background: Vec<Embedding>,
     known: Mutex<HashMap<String, UnitEmbedding>>,
@@ -57,9 +61,9 @@ impl UnitEmbeddings {
     ///
     /// # Errors
     /// [`PictureError`] if the model cannot encode texts.
-    pub(crate) fn new(encoder: PictureEncoder, fusion: FusionChoice) -> Result<Self, PictureError> {
+    pub(crate) fn new(encoder: PictureEncoder, fusion: FusionChoice, adapts: bool) -> Result<Self, PictureError> {
         let background = encoder.encode_texts(&BACKGROUND)?;
-        Ok(Self { encoder, fusion, background, known: Mutex::default() })
+        Ok(Self { encoder, fusion, adapts, background, known: Mutex::default() })
     }
 
     /// The model.
@@ -102,7 +106,20 @@ impl UnitEmbeddings {
         let start = std::time::Instant::now();
         let name = self.encoder.encode_texts(&[unit])?;
         let encoded = start.elapsed();
-        let name = name.first().ok_or(EmbeddingError::Empty)?;
+        let name = name.into_iter().next().ok_or(EmbeddingError::Empty)?;
+        let mut known = self.known();
+        let (fused, background) = self.fused(pictures, &name)?;
+        let own = UnitEmbedding { key, pictures: pictures.clone(), name, fused, background };
+        known.insert(unit.to_owned(), own);
+        if self.adapts {
+            self.adapt(&mut known)?;
+        }
+        drop(known);
+        Ok(Fused { encode_ms: encoded.as_secs_f64() * 1e3, fuse_ms: (start.elapsed() - encoded).as_secs_f64() * 1e3 })
+    }
+
+    /// The embedding of pictures and a name, and the cosines of the background with it.
+    fn fused(&self, pictures: &Embedding, name: &Embedding) -> Result<(Embedding, Vec<f32>), EmbeddingError> {
         let fused = match self.fusion {
             FusionChoice::Normalized => fuse(pictures, name, Fusion::Normalised)?,
             FusionChoice::Unnormalized => fuse(pictures, name, Fusion::Unnormalised)?,
@@ -111,8 +128,23 @@ impl UnitEmbeddings {
         };
         // Embeddings of one model always compare.
         let background = self.background.iter().filter_map(|word| word.cosine(&fused).ok()).collect();
-        self.known().insert(unit.to_owned(), UnitEmbedding { key, fused, background });
-        Ok(Fused { encode_ms: encoded.as_secs_f64() * 1e3, fuse_ms: (start.elapsed() - encoded).as_secs_f64() * 1e3 })
+        Ok((fused, background))
+    }
+
+    /// Fuses all units anew, with pictures that an adapter has moved. Each is moved by what the other units teach.
+    fn adapt(&self, known: &mut HashMap<String, UnitEmbedding>) -> Result<(), EmbeddingError> {
+        // A fixed order makes the same sums.
+        let mut units: Vec<&mut UnitEmbedding> = known.values_mut().collect();
+        units.sort_by(|a, b| a.key.as_bytes().cmp(b.key.as_bytes()));
+        let moved = {
+            let pictures: Vec<&Embedding> = units.iter().map(|unit| &unit.pictures).collect();
+            let names: Vec<&Embedding> = units.iter().map(|unit| &unit.name).collect();
+            adapted(&pictures, &names, RIDGE)?
+        };
+        for (unit, pictures) in units.into_iter().zip(&moved) {
+            (unit.fused, unit.background) = self.fused(pictures, &unit.name)?;
+        }
+        Ok(())
     }
 
     /// The embeddings for the units of a scene, for one query.
@@ -155,8 +187,12 @@ mod tests {
     use super::*;
 
     fn embeddings(fusion: FusionChoice) -> UnitEmbeddings {
+        embeddings_that(fusion, false)
+    }
+
+    fn embeddings_that(fusion: FusionChoice, adapts: bool) -> UnitEmbeddings {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../encoders/tests/fixtures/clip-gelu");
-        UnitEmbeddings::new(PictureEncoder::open(&folder, Precision::F32, 1).unwrap(), fusion).unwrap()
+        UnitEmbeddings::new(PictureEncoder::open(&folder, Precision::F32, 1).unwrap(), fusion, adapts).unwrap()
     }
 
     #[test]
@@ -184,6 +220,21 @@ mod tests {
             let shares = embeddings.of(&units).shares("sac").unwrap();
             assert_eq!((shares.model.as_str(), shares.units.len(), shares.units[1]), ("clip-gelu", 2, None));
             assert!(shares.units[0].is_some_and(|share| (0.0..=1.0).contains(&share)));
+        }
+    }
+
+    #[test]
+    fn an_adapter_moves_pictures_by_the_other_units() {
+        let embeddings = embeddings_that(FusionChoice::Pictures, true);
+        let texts = ["a", "b", "c", "d"].map(|text| embeddings.encoder.encode_texts(&[text]).unwrap().remove(0));
+        let fused = |unit: &str| embeddings.known().get(unit).unwrap().fused.clone();
+        embeddings.add("sac", blake3::hash(b"1"), &texts[0]).unwrap();
+        assert!(fused("sac").cosine(&texts[0]).unwrap() > 1.0 - 1e-6, "nothing to learn from");
+        embeddings.add("body", blake3::hash(b"2"), &texts[1]).unwrap();
+        let names = ["sac", "body"].map(|name| embeddings.encoder.encode_texts(&[name]).unwrap().remove(0));
+        let expected = adapted(&[&texts[0], &texts[1]], &[&names[0], &names[1]], RIDGE).unwrap();
+        for (unit, expected) in ["sac", "body"].into_iter().zip(&expected) {
+            assert!(fused(unit).cosine(expected).unwrap() > 1.0 - 1e-6, "{unit}");
         }
     }
 
