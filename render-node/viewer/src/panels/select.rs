@@ -261,6 +261,10 @@ impl Panels {
             let pressed = pressed.on_disabled_hover_text("brush something and type a name first").clicked();
             saves = ready && (pressed || saves);
         });
+        if state.selected.is_none() {
+            // The selection that the question was about is gone.
+            self.select.replaces = None;
+        }
         let name = self.text_input.text(Field::SaveName).trim().to_owned();
         let folded = name.to_lowercase();
         let same = state.scene.names().find(|(n, _)| n.len() == name.len() && n.to_lowercase() == folded);

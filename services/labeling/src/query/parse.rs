@@ -227,7 +227,7 @@ pub(super) fn alike(text: &str) -> Option<Alike> {
         Some((at, found.len()))
     })?;
     let (before, model) = (all.get(..at)?, all.get(at + length..)?);
-    let model: Vec<&str> = model.iter().map(String::as_str).filter(|word| *word != "please").collect();
+    let model: Vec<&str> = model.iter().map(String::as_str).filter(|word| !matches!(*word, "please" | ",")).collect();
     let several = before.iter().any(|word| {
         let word = word.as_str();
         SEVERAL.contains(&word)
