@@ -96,6 +96,11 @@ fn things_like_this_are_found_by_their_looks() {
         stack_says(&stack, "hide the sac");
         let said = stack_says(&stack, "what looks like it?");
         assert!(said.contains("twin"), "{said}");
+        // What is like nothing else is no name to give.
+        stack_says(&stack, "clear the selection");
+        let (status, said, _) = stack.run(&["say", "find things like this"]).unwrap();
+        assert_ne!(status, Some(0));
+        assert!(!said.contains("Brush it, press"), "{said}");
     })
     .unwrap();
 }

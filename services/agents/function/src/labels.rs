@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use sg_language::resolved_names;
+use sg_language::{resolved_names, unit_choice};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome};
@@ -21,7 +21,7 @@ const MAX_TEXT_BYTES: usize = 512;
 pub(crate) enum Meaning {
     /// These units, at least one.
     Units(Vec<ResolvedName>),
-    /// One of several units; a question to the person.
+    /// One of several units, or none that is like another one; a question or a reason for the person.
     Question(String),
     /// No unit, or a session without the service.
     Unknown,
@@ -71,6 +71,10 @@ impl Labels {
         Ok(match reply.outcome() {
             Outcome::Match => Meaning::Units(reply.units.iter().map(|found| resolved(spoken, found)).collect()),
             Outcome::Ambiguous => Meaning::Question(resolved_names::question(spoken, &reply.units)),
+            // A name for things of a kind is no name that somebody could give.
+            Outcome::NoMatch if unit_choice::is_alike(spoken) && !reply.reason.is_empty() => {
+                Meaning::Question(capitalized(&reply.reason))
+            }
             Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown,
         })
     }
@@ -91,6 +95,12 @@ impl Labels {
             }
         }
     }
+}
+
+/// A sentence of a reason that begins in lower case.
+fn capitalized(reason: &str) -> String {
+    let mut letters = reason.chars();
+    letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
 fn resolved(spoken: &str, found: &Candidate) -> ResolvedName {

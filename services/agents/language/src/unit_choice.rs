@@ -19,8 +19,10 @@ const MAX_TOKENS: u32 = 200;
 /// Largest part of the sentence in a prompt, bytes.
 const MAX_SENTENCE_BYTES: usize = 1000;
 
-/// Pronouns for the selection or for the units of the last command.
-const PRONOUNS: [&str; 8] = ["it", "this", "that", "them", "these", "those", "this one", "that one"];
+/// Pronouns for the units of the last command.
+const FOCUS: [&str; 2] = ["it", "them"];
+/// Pronouns for the selection, and for the units of the last command where nothing is selected.
+const SELECTION: [&str; 6] = ["this", "that", "these", "those", "this one", "that one"];
 /// Words before what something is like.
 const LIKE: [&str; 3] = ["like", "similar to", "resembling"];
 
@@ -36,19 +38,26 @@ pub fn unknown_names<'c>(clause: &'c Clause, state: &State) -> Vec<&'c str> {
     spoken.filter(|s| matches!(unit_names::lookup(s, &names), Lookup::Missing(_))).collect()
 }
 
-/// The words that a name is looked up by. A pronoun after "like" means the selection; without one it means the units of the last
-/// command, if there are some: "things like it" becomes "things like the sac".
+/// Whether a name means what is like something else: "things like the sac".
+#[must_use]
+pub fn is_alike(spoken: &str) -> bool {
+    LIKE.iter().any(|like| spoken.split_once(like).is_some_and(|(a, b)| a.ends_with(' ') && b.starts_with(' ')))
+}
+
+/// The words that a name is looked up by. "It" after "like" means the units of the last command: "things like it" becomes "things
+/// like the sac". "This" means the selection if there is one, as in other commands.
 #[must_use]
 pub fn searched<'s>(spoken: &'s str, state: &State) -> Cow<'s, str> {
     let has_selection = state.selection.as_ref().is_some_and(|selection| selection.count > 0);
     let focus = state.focus.iter().filter(|unit| unit_names::all(state).contains(&unit.as_str()));
     let focus: Vec<&str> = focus.map(String::as_str).collect();
-    let pronoun = PRONOUNS.iter().find_map(|pronoun| {
-        let before = spoken.strip_suffix(pronoun)?;
-        before.strip_suffix(' ').filter(|before| LIKE.iter().any(|like| before.ends_with(like)))
-    });
-    match pronoun {
-        Some(before) if !has_selection && !focus.is_empty() => Cow::Owned(format!("{before} {}", focus.join(" and "))),
+    let before = |pronoun: &&str| {
+        let before = spoken.strip_suffix(pronoun)?.strip_suffix(' ')?;
+        LIKE.iter().any(|like| before.ends_with(like)).then_some(before)
+    };
+    let selection = SELECTION.iter().filter(|_| !has_selection);
+    match FOCUS.iter().chain(selection).find_map(before) {
+        Some(before) if !focus.is_empty() => Cow::Owned(format!("{before} {}", focus.join(" and "))),
         _ => Cow::Borrowed(spoken),
     }
 }
@@ -143,9 +152,12 @@ mod tests {
         assert_eq!(searched("things like it", &focused), "things like sac");
         assert_eq!(searched("others similar to this one", &focused), "others similar to sac");
         let selection = Some(sg_proto::scene::Selection { count: 3, ..Default::default() });
-        for unchanged in [State { selection, ..focused.clone() }, state()] {
-            assert_eq!(searched("things like it", &unchanged), "things like it");
+        let selected = State { selection, ..focused.clone() };
+        assert_eq!(searched("things like it", &selected), "things like sac");
+        for unchanged in [selected, state()] {
+            assert_eq!(searched("things like this", &unchanged), "things like this");
         }
+        assert!(is_alike("others similar to it") && !is_alike("the likeness") && !is_alike("like the sac"));
         assert_eq!(searched("things like the pit", &focused), "things like the pit");
     }
 
