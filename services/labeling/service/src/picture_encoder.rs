@@ -145,12 +145,9 @@ impl PictureEncoder {
             pictures.push(RgbImage::new(width, height, Pixels::Bytes(image.rgb8()))?);
         }
         let drawn = start.elapsed();
-        let mut embeddings = Vec::with_capacity(pictures.len());
-        // One at a time, so that a change of the region ends the work soon.
-        for picture in &pictures {
-            between()?;
-            embeddings.extend(self.model.encode_images(std::slice::from_ref(picture))?);
-        }
+        between()?;
+        // All at once takes two thirds of the time of one by one.
+        let embeddings = self.model.encode_images(&pictures)?;
         let embedding = mean(&embeddings)?;
         let encode_ms = (start.elapsed() - drawn).as_secs_f64() * 1e3;
         Ok(RegionEmbedding { embedding, views: embeddings.len(), render_ms: drawn.as_secs_f64() * 1e3, encode_ms })

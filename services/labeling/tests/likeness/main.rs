@@ -1,5 +1,8 @@
 //! How well likeness of looks finds the partner of a paired organ: the 16 nuclei that the CIT168 atlas has on both sides.
 //!
+//! Both sides of the atlas are nearly mirror images. So partners test that place and direction do not count, and the other
+//! pairs how much a likeness tells.
+//!
 //!     SUPERGAUSSIAN_DATA=… cargo test --release -p sg-labeling --test likeness -- --nocapture
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking and tells what it measured")]
@@ -52,8 +55,7 @@ fn partner(at: usize) -> usize {
 #[test]
 fn the_other_side_is_most_alike() {
     let Some(looks) = nuclei() else { return };
-    // Both sides of the first and of the second half of the nuclei.
-    let mut first = [0; 2];
+    let mut first = 0;
     let mut ranks = Vec::new();
     let mut scores = [Vec::new(), Vec::new()];
     for (at, own) in looks.iter().enumerate() {
@@ -65,7 +67,7 @@ fn the_other_side_is_most_alike() {
             .collect();
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let rank = others.iter().position(|(_, other)| *other == partner(at)).unwrap();
-        first[usize::from(at >= PAIRS)] += usize::from(rank == 0);
+        first += usize::from(rank == 0);
         ranks.push(rank + 1);
         for (score, other) in others {
             scores[usize::from(other != partner(at))].push(score);
@@ -73,14 +75,14 @@ fn the_other_side_is_most_alike() {
     }
     let mean_reciprocal = ranks.iter().map(|rank| 1.0 / *rank as f64).sum::<f64>() / ranks.len() as f64;
     let share = |scores: &[f64]| scores.iter().filter(|s| **s >= 0.5).count() as f64 / scores.len() as f64;
-    println!("partner first: {} of 16 in the fitted half, {} of 16 in the other", first[0], first[1]);
+    println!("partner first: {first} of {}", looks.len());
     println!("ranks among 31: {ranks:?}, mean reciprocal rank {mean_reciprocal:.2}");
     println!(
         "scores of at least 0.5: {:.0} % of partners, {:.0} % of others",
         100.0 * share(&scores[0]),
         100.0 * share(&scores[1])
     );
-    assert!(mean_reciprocal > 0.5, "{mean_reciprocal}");
+    assert!(mean_reciprocal > 0.9, "{mean_reciprocal}");
     assert!(share(&scores[0]) > 2.0 * share(&scores[1]));
 }
 
@@ -89,17 +91,17 @@ fn things_like_one_side_are_the_other_side() {
     let Some(looks) = nuclei() else { return };
     let items = looks.iter().map(|look| Item { label: None, attributes: Some(*look) });
     let scene = Scene::new(items, Frame::XYZ).unwrap();
-    let mut found = [0; 2];
+    let mut found = 0;
     let mut lengths = 0;
     for (at, look) in looks.iter().enumerate() {
         let context = QueryContext { selection: Some(look), ..QueryContext::default() };
         if let Outcome::Match { items } = scene.find_by("things like this", context) {
             assert!(items.iter().all(|item| item.item != at), "a thing is not like itself");
-            found[usize::from(at >= PAIRS)] += usize::from(items.iter().any(|item| item.item == partner(at)));
+            found += usize::from(items.iter().any(|item| item.item == partner(at)));
             lengths += items.len();
         }
     }
-    println!("the answer has the partner: {} of 16 in the fitted half, {} of 16 in the other", found[0], found[1]);
+    println!("the answer has the partner: {found} of {}", looks.len());
     println!("{:.1} units in an answer", lengths as f64 / looks.len() as f64);
-    assert!(found[0] + found[1] > looks.len() / 2, "{found:?}");
+    assert!(found > looks.len() * 9 / 10, "{found}");
 }
