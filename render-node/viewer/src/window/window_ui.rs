@@ -362,7 +362,8 @@ impl WindowUi {
     }
 }
 
-/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), or a change from the present direction.
+/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), or a change from the
+/// present direction.
 fn refers_to_view(request: &Request) -> bool {
     let from_here = |change: &command::Action| {
         matches!(change, command::Action::SetView(SetView { change: Some(set_view::Change::Focus(_)) }))

@@ -73,7 +73,7 @@ impl Labels {
             Outcome::Ambiguous => Meaning::Question(resolved_names::question(spoken, &reply.units)),
             // A name for things of a kind is no name that somebody could give.
             Outcome::NoMatch if unit_choice::is_alike(spoken) && !reply.reason.is_empty() => {
-                Meaning::Question(capitalized(&reply.reason))
+                Meaning::Question(resolved_names::refusal(&reply.reason))
             }
             Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown,
         })
@@ -95,12 +95,6 @@ impl Labels {
             }
         }
     }
-}
-
-/// A sentence of a reason that begins in lower case.
-fn capitalized(reason: &str) -> String {
-    let mut letters = reason.chars();
-    letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
 fn resolved(spoken: &str, found: &Candidate) -> ResolvedName {

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use sg_proto::labeling::Candidate;
 use sg_proto::language::ResolvedName;
 
-use crate::text::{join, join_with};
+use crate::text::{capital, join, join_with};
 
 /// Most units of one question.
 const MAX_LISTED: usize = 4;
@@ -23,6 +23,12 @@ pub fn question(spoken: &str, candidates: &[Candidate]) -> String {
         return format!("“{spoken}” may mean {only}. Say that name if you mean it.");
     }
     format!("“{spoken}” may mean {}. Name one of them, or say “all” of them.", join_with(&names, "or"))
+}
+
+/// The sentence that gives the reason why a spoken name means no unit.
+#[must_use]
+pub fn refusal(reason: &str) -> String {
+    format!("{}.", capital(reason))
 }
 
 /// Sentences about the units that were found for spoken names, one for each name. `None` without such names.

@@ -69,7 +69,8 @@ fn inverse(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
         matrix[pivot][pivot] = 1.0;
         matrix[pivot].iter_mut().for_each(|entry| *entry /= value);
         let row = matrix[pivot].clone();
-        for (_, other) in matrix.iter_mut().enumerate().filter(|(at, _)| *at != pivot) {
+        let others = matrix.iter_mut().enumerate().filter(|(at, _)| *at != pivot);
+        for other in others.map(|(_, other)| other) {
             let factor = std::mem::take(&mut other[pivot]);
             for (entry, own) in other.iter_mut().zip(&row) {
                 *entry -= factor * own;
@@ -82,6 +83,8 @@ fn inverse(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
 
@@ -105,17 +108,9 @@ mod tests {
     }
 
     fn embeddings(seed: u64, count: usize) -> Vec<Embedding> {
-        let value = |i: usize| {
-            let bits = mixed(seed.wrapping_add(i as u64));
-            (bits % 2001) as f32 / 1000.0 - 1.0
-        };
-        (0..count).map(|e| Embedding::new(&(0..12).map(|i| value(97 * e + i)).collect::<Vec<_>>()).unwrap()).collect()
-    }
-
-    /// The finalizer of `SplitMix64` (Steele et al. 2014).
-    fn mixed(seed: u64) -> u64 {
-        let z = (seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (seed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb) >> 33
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut raw = || (0..12).map(|_| random.random_range(-1.0_f32..1.0)).collect::<Vec<_>>();
+        (0..count).map(|_| Embedding::new(&raw()).unwrap()).collect()
     }
 
     #[test]

@@ -153,7 +153,7 @@ async fn follow(
                 let Some(newer) = changed else { return };
                 (newest, is_measured) = (newer, false);
             }
-            // Its sender lives as long as the service, with or without an encoder.
+            // Without an image encoder nobody makes progress.
             Ok(()) = published.progress.changed() => {}
             () = tokio::time::sleep(SETTLED), if !is_measured => {
                 is_measured = true;
@@ -292,11 +292,11 @@ impl Labeler {
             let units = self.measured(&state)?;
             let encoder = self.encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
             let pictures = self.embeddings.as_ref().map(|embeddings| embeddings.of(&units.names));
-            let selection = self.selection(&state);
+            let selection = || self.selection(&state);
             let context = QueryContext {
                 meaning: encoder.as_ref().map(|encoder| encoder as &dyn LabelCosines),
                 pictures: pictures.as_ref().map(|pictures| pictures as &dyn UnitPictures),
-                selection: selection.as_ref(),
+                selection: Some(&selection),
             };
             Ok(wire::encode(units.queryable.find_by(&request.text, context), &units))
         })

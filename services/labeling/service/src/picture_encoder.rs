@@ -8,7 +8,6 @@ use sg_encoders::{EmbeddingError, Precision};
 use sg_input::file;
 use sg_labeling::frame::Frame;
 use sg_raster::render::{Quality, render};
-use sg_scene::appearance::Appearance;
 use sg_scene::model::Scene;
 
 use crate::region_views::{BestViews, RegionViewsError, ViewsOptions};
@@ -135,12 +134,12 @@ impl PictureEncoder {
         let form = sg_labeling::entropy::EntropyForm::Normalized;
         let options = ViewsOptions { count: self.views, pixels: CHOICE_PIXELS, form, pictures: false };
         let best = BestViews::of(alone, (edge, &Frame::XYZ), options, between)?;
-        let look = Appearance::of(&best.alone);
         let mut pictures = Vec::with_capacity(self.views);
         for (view, _) in best.chosen() {
             between()?;
             let camera = view.camera(PICTURE_PIXELS, PICTURE_PIXELS);
-            let image = render(&best.alone, &look, &camera, Quality::Standard).map_err(RegionViewsError::from)?.image;
+            let image =
+                render(&best.alone, &best.look, &camera, Quality::Standard).map_err(RegionViewsError::from)?.image;
             let (width, height) = (image.width as usize, image.height as usize);
             pictures.push(RgbImage::new(width, height, Pixels::Bytes(image.rgb8()))?);
         }
@@ -173,12 +172,24 @@ impl PictureEncoder {
         1.0 / (1.0 + sum)
     }
 
+    /// A model with tiny random weights.
+    #[cfg(test)]
+    pub(crate) fn tiny(views: usize) -> Self {
+        Self::open(&fixture("clip-gelu"), Precision::F32, views).unwrap()
+    }
+
     /// Opens a model with random weights: for measurements of time.
     #[cfg(test)]
     pub(crate) fn random(folder: &Path, views: usize) -> Self {
         let model = ImageTextModel::with_random_weights(folder, Precision::F32, 1).unwrap();
         Self { model, name: name_of(folder), method: method(folder, Precision::F32, views).unwrap(), views }
     }
+}
+
+/// The folder of a model that the tests of the encoders use.
+#[cfg(test)]
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../encoders/tests/fixtures").join(name)
 }
 
 fn name_of(folder: &Path) -> String {
@@ -219,22 +230,13 @@ mod tests {
 
     use super::*;
 
-    /// A model with tiny random weights.
-    fn fixture(name: &str) -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../encoders/tests/fixtures").join(name)
-    }
-
-    fn encoder(views: usize) -> PictureEncoder {
-        PictureEncoder::open(&fixture("clip-gelu"), Precision::F32, views).unwrap()
-    }
-
     fn encode(encoder: &PictureEncoder, scene: &Scene) -> RegionEmbedding {
         encoder.encode_region(scene.clone(), scene.bounds.longest_edge(), &|| Ok(())).unwrap()
     }
 
     #[test]
     fn the_same_region_has_the_same_embedding_and_name() {
-        let (encoder, scene) = (encoder(3), test_scene(&[("bone", 300)]));
+        let (encoder, scene) = (PictureEncoder::tiny(3), test_scene(&[("bone", 300)]));
         let (first, again) = (encode(&encoder, &scene), encode(&encoder, &scene));
         assert_eq!((first.views, &first.embedding), (3, &again.embedding));
         assert_eq!(encoder.key(&scene), encoder.key(&scene.clone()));
@@ -245,7 +247,7 @@ mod tests {
         changed[2].units[0].gaussians.position[0] += Vec3::X;
         let mut names: Vec<blake3::Hash> = changed.iter().map(|scene| encoder.key(scene)).collect();
         names.push(encoder.key(&scene));
-        names.push(self::encoder(4).key(&scene));
+        names.push(PictureEncoder::tiny(4).key(&scene));
         let other = PictureEncoder::open(&fixture("clip-quick-gelu"), Precision::F32, 3).unwrap();
         names.push(other.key(&scene));
         let distinct: std::collections::HashSet<&[u8; 32]> = names.iter().map(blake3::Hash::as_bytes).collect();
@@ -259,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_change_of_the_region_ends_the_work() {
-        let (encoder, scene) = (encoder(2), test_scene(&[("bone", 300)]));
+        let (encoder, scene) = (PictureEncoder::tiny(2), test_scene(&[("bone", 300)]));
         let pictures = Cell::new(0);
         let edge = scene.bounds.longest_edge();
         let whole = encoder.encode_region(scene.clone(), edge, &|| {
@@ -279,7 +281,7 @@ mod tests {
 
     #[test]
     fn shares_are_probabilities_among_texts() {
-        let encoder = encoder(1);
+        let encoder = PictureEncoder::tiny(1);
         assert!((encoder.share(0.3, &[0.3]) - 0.5).abs() < 1e-9 && encoder.share(0.3, &[]) == 1.0);
         assert!(encoder.share(0.4, &[0.3, 0.2]) > encoder.share(0.3, &[0.3, 0.2]));
         let siglip = PictureEncoder::open(&fixture("siglip"), Precision::F32, 1).unwrap();

@@ -127,6 +127,8 @@ pub(crate) struct Measured {
 pub(crate) struct BestViews {
     /// Its Gaussians with their looks now.
     pub(crate) alone: Scene,
+    /// Their usual look, whatever light and background the scene has.
+    pub(crate) look: Appearance,
     region: Region,
     /// All views that were measured, each with its picture's measures.
     measured: Vec<(View, Measured)>,
@@ -159,7 +161,7 @@ impl BestViews {
             })
             .collect();
         let chosen = choose(&views, &scores, options.count, APART)?;
-        Ok(Self { alone, region, measured: views.into_iter().zip(pictures).collect(), chosen })
+        Ok(Self { alone, look, region, measured: views.into_iter().zip(pictures).collect(), chosen })
     }
 
     /// The chosen views, the best first.
@@ -185,7 +187,7 @@ pub(crate) fn region_views(
     let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
     let best = BestViews::of(alone, (placed.bounds.longest_edge(), &frame), options, between)?;
     let among = marked(state, members);
-    let look = Appearance { background: state.appearance().background, ..Appearance::of(&best.alone) };
+    let look = Appearance { background: state.appearance().background, ..best.look.clone() };
     let found: Result<Vec<labeling::RegionView>, RegionViewsError> = best
         .chosen()
         .map(|(view, alone)| {

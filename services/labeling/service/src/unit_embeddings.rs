@@ -180,10 +180,6 @@ impl UnitPictures for SceneEmbeddings<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
-    use sg_encoders::Precision;
-
     use super::*;
 
     fn embeddings(fusion: FusionChoice) -> UnitEmbeddings {
@@ -191,8 +187,7 @@ mod tests {
     }
 
     fn embeddings_that(fusion: FusionChoice, adapts: bool) -> UnitEmbeddings {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../encoders/tests/fixtures/clip-gelu");
-        UnitEmbeddings::new(PictureEncoder::open(&folder, Precision::F32, 1).unwrap(), fusion, adapts).unwrap()
+        UnitEmbeddings::new(PictureEncoder::tiny(1), fusion, adapts).unwrap()
     }
 
     #[test]

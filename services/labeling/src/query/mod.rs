@@ -46,8 +46,8 @@ pub struct QueryContext<'c> {
     pub meaning: Option<&'c dyn LabelCosines>,
     /// An image-text model that has seen the items. Where words find nothing, it leads to a question, never to a match.
     pub pictures: Option<&'c dyn UnitPictures>,
-    /// The look of the selection, for "things like this". `None` if nothing is selected.
-    pub selection: Option<&'c Attributes>,
+    /// Measures the selection, for "things like this"; called for such texts alone. It has no look if nothing is selected.
+    pub selection: Option<&'c dyn Fn() -> Option<Attributes>>,
 }
 
 /// Items to query, with an index of their labels.
@@ -208,7 +208,7 @@ mod tests {
         ] {
             assert_eq!(found(&scene, text), expected, "{text}");
         }
-        let context = QueryContext { selection: selected.as_ref(), ..QueryContext::default() };
+        let context = QueryContext { selection: Some(&|| selected), ..QueryContext::default() };
         let Outcome::Match { items } = scene.find_by("things like this", context) else { panic!("no match") };
         assert_eq!(items.iter().map(|r| r.item).collect::<Vec<_>>(), [0], "the selection itself is left out");
         assert_eq!(items[0].explanation(), "like the selection in colour, size, shape, opacity");

@@ -33,8 +33,8 @@ pub(super) struct Known<'k> {
     pub(super) meaning: Option<&'k dyn LabelCosines>,
     /// An image-text model that has seen the items, if there is one.
     pub(super) pictures: Option<&'k dyn UnitPictures>,
-    /// The look of the selection, if something is selected.
-    pub(super) selection: Option<&'k Attributes>,
+    /// Measures the selection. It has no look if nothing is selected.
+    pub(super) selection: Option<&'k dyn Fn() -> Option<Attributes>>,
 }
 
 /// The outcome of a text.
@@ -45,9 +45,9 @@ pub(super) fn find(known: Known<'_>, text: &str) -> Outcome {
     }
     match alike(text) {
         Some(Alike { model: Model::Kind(kind), number }) => find_named(known, &kind, Some(number)),
-        Some(Alike { model: Model::Selection, number }) => match known.selection {
+        Some(Alike { model: Model::Selection, number }) => match known.selection.and_then(|measure| measure()) {
             Some(selection) => {
-                find_alike(known, &[Original { item: None, look: Some(selection) }], "the selection", number)
+                find_alike(known, &[Original { item: None, look: Some(&selection) }], "the selection", number)
             }
             None => nothing(Why::NothingSelected),
         },
@@ -147,10 +147,10 @@ fn find_named(known: Known<'_>, text: &str, number: Option<Number>) -> Outcome {
     ranked.retain(|r| !is_excluded.get(r.item).copied().unwrap_or_default());
     if query.excluded.is_empty() {
         let by_words = outcome(ranked, &query, index);
-        let is_unknown = matches!(by_words, Outcome::NothingMatches { .. });
-        match by_pictures(known, &query).filter(|_| is_unknown) {
-            Some(by_pictures) => by_pictures,
-            None => by_words,
+        // A model takes time, so it is asked only where words find nothing.
+        match by_words {
+            Outcome::NothingMatches { .. } => by_pictures(known, &query).unwrap_or(by_words),
+            found => found,
         }
     } else if had_match && !ranked.iter().any(|r| r.score >= THRESHOLD) {
         Outcome::NothingMatches { best: ranked.into_iter().next(), why: Why::AllExcluded }

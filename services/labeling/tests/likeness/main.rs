@@ -94,7 +94,7 @@ fn things_like_one_side_are_the_other_side() {
     let mut found = 0;
     let mut lengths = 0;
     for (at, look) in looks.iter().enumerate() {
-        let context = QueryContext { selection: Some(look), ..QueryContext::default() };
+        let context = QueryContext { selection: Some(&|| Some(*look)), ..QueryContext::default() };
         if let Outcome::Match { items } = scene.find_by("things like this", context) {
             assert!(items.iter().all(|item| item.item != at), "a thing is not like itself");
             found += usize::from(items.iter().any(|item| item.item == partner(at)));

@@ -284,26 +284,28 @@ fn alike<'t>(input: &Input<'t>, found: &mut Vec<(Target, Input<'t>)>) {
     if lead.is_err() {
         return;
     }
-    let tokens = remaining(input);
     for (model, rest) in items(&at, false) {
-        let length = tokens.len() - remaining(&rest).len();
-        let words = tokens.get(..length).unwrap_or_default();
         // What the model is, is known; which units are like it, is not.
-        found.push((named(slice(input.state.source, words), model.unknown.max(1)), rest));
+        found.push((named(words_before(&rest, input), model.unknown.max(1)), rest));
     }
+}
+
+/// The words from one place to a later one, as they were said.
+fn words_before(end: &Input<'_>, start: &Input<'_>) -> String {
+    let tokens = remaining(start);
+    let length = tokens.len() - remaining(end).len();
+    slice(start.state.source, tokens.get(..length).unwrap_or_default())
 }
 
 /// Parses what things are like at the end of a question: "units are like the sac", "looks like this".
 pub(crate) fn alike_alone(input: &mut Input<'_>) -> Outcome<Target> {
     let mut at = *input;
     (opt(exactly("other | else")), opt(one_of(THINGS)), opt(exactly("else")), one_of(ALIKE)).parse_next(&mut at)?;
-    let tokens = remaining(&at);
-    for (model, mut rest) in items(&at, false) {
-        let length = tokens.len() - remaining(&rest).len();
-        if end(&mut rest).is_ok() {
-            let model_words = slice(input.state.source, tokens.get(..length).unwrap_or_default());
-            *input = rest;
-            return Ok(named(format!("things like {model_words}"), model.unknown.max(1)));
+    for (model, rest) in items(&at, false) {
+        let mut after = rest;
+        if end(&mut after).is_ok() {
+            *input = after;
+            return Ok(named(format!("things like {}", words_before(&rest, &at)), model.unknown.max(1)));
         }
     }
     Err(EmptyError)
