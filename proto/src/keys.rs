@@ -317,10 +317,12 @@ table! {
     SELECTION_TUNE: Request<selection::TuneRequest, selection::TuneReply> = (role::SELECTION, "cmd/tune", &[role::CLI, role::RENDER_VIEW]) at Interactive;
     /// Proposes places for the next stroke.
     SELECTION_PROPOSALS: Request<selection::ProposalsRequest, selection::ProposalsReply> = (role::SELECTION, "cmd/proposals", &[role::CLI, role::RENDER_VIEW]);
+    /// Regions of whole Super-Gaussians at several scales.
+    SELECTION_REGIONS: Request<selection::RegionsRequest, selection::RegionsReply> = (role::SELECTION, "cmd/regions", &[role::CLI, role::LABELING]) at Background;
     /// Selection of strokes before the scene has committed it.
     SELECTION_PREVIEW: Stream<selection::Preview> = (role::SELECTION, "event/preview") at Interactive;
     /// Returns a part of a file of the selection service, such as the cluster labels.
-    SELECTION_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE]) at Background;
+    SELECTION_CONTENT: Request<bus::ContentRequest, bus::ContentReply> = (role::SELECTION, "cmd/content", &[role::CLI, role::RENDER_VIEW, role::RENDER_CAPTURE, role::LABELING]) at Background;
     /// State of the selection service.
     SELECTION_STATE: Retained<selection::State> = (role::SELECTION, "state");
 

@@ -4,10 +4,13 @@
 
 use std::path::Path;
 
+use sg_edit::wire::decode_mask;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling::{Embedding, EmbeddingStatus, FindRequest, Outcome};
+use sg_proto::scene::ChangesRequest;
 use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::process::block_on;
+use sg_tests::small_scene::{self, GAUSSIANS};
 use sg_tests::stack::Stack;
 use sg_tests::until::{self, PATIENCE, scene, selected, soon};
 
@@ -29,7 +32,7 @@ async fn outcome(events: &mut Subscription<Embedding>, unit: &str) -> Embedding 
 
 async fn find(cli: &Bus, text: &str) -> (Outcome, Vec<String>) {
     let revision = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().revision;
-    let request = FindRequest { text: text.to_owned(), at_least_revision: revision };
+    let request = FindRequest { text: text.to_owned(), at_least_revision: revision, ..FindRequest::default() };
     let reply = cli.ask(&keys::LABELING_FIND, &request, &soon()).await.unwrap();
     (reply.outcome(), reply.units.iter().map(|found| found.unit.clone()).collect())
 }
@@ -101,6 +104,42 @@ fn things_like_this_are_found_by_their_looks() {
         let (status, said, _) = stack.run(&["say", "find things like this"]).unwrap();
         assert_ne!(status, Some(0));
         assert!(!said.contains("Brush it, press"), "{said}");
+    })
+    .unwrap();
+}
+
+#[test]
+fn a_part_that_nobody_has_named_is_selected_by_its_color() {
+    let folder = tempfile::tempdir().unwrap();
+    let thing = small_scene::write_two_colored(folder.path()).unwrap();
+    let stack = Stack::up_with(&[format!("service.scene.params.scene={}", thing.display())]).unwrap();
+    block_on(async {
+        let cli = stack.join(role::CLI).await.unwrap();
+        let said = stack_says(&stack, "select the red part");
+        assert!(said.contains("No unit is “red part”") && said.contains("nobody has named"), "{said}");
+        let state = scene(&cli, "a selection", |s| selected(s) > 0).await;
+        let whole = ChangesRequest { from: 0, snapshot: true };
+        let changes = cli.ask(&keys::SCENE_CHANGES, &whole, &soon()).await.unwrap();
+        let mask = changes.snapshot.and_then(|s| s.selection).and_then(|s| s.mask).unwrap();
+        let mask = decode_mask(&mask, 2 * GAUSSIANS, "mask").unwrap();
+        // The red ball comes second. Nearly all of it is selected, and nearly nothing else.
+        let red = mask.ones().filter(|i| *i >= GAUSSIANS).count();
+        let others = mask.count() - red;
+        assert!(red >= GAUSSIANS * 9 / 10 && others <= GAUSSIANS / 20, "{red} red and {others} other Gaussians");
+        // It becomes a unit like any other.
+        stack_says(&stack, "label this berry");
+        stack_says(&stack, "clear the selection");
+        stack_says(&stack, "hide the berry");
+        let hidden = scene(&cli, "a hidden unit", |s| s.units.iter().any(|u| u.name == "berry" && !u.visible)).await;
+        assert!(hidden.revision > state.revision);
+        // What no region looks like is still unknown, and other commands ask.
+        let (status, said, _) = stack.run(&["say", "select the blue part"]).unwrap();
+        assert!(status != Some(0) && !said.contains("nobody has named"), "{said}");
+        stack_says(&stack, "undo");
+        stack_says(&stack, "undo");
+        stack_says(&stack, "undo");
+        let (status, said, _) = stack.run(&["say", "make the red part blue"]).unwrap();
+        assert!(status != Some(0) && said.contains("select the red part"), "{said}");
     })
     .unwrap();
 }

@@ -7,6 +7,7 @@ pub mod frame;
 pub mod lexical;
 pub mod meaning;
 pub mod pictures;
+pub mod proposals;
 pub mod query;
 pub mod region;
 pub mod relation;

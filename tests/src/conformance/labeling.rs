@@ -16,7 +16,7 @@ pub(super) const ROLE: &str = role::LABELING;
 pub(super) const SUBJECT: Subject = Subject { role: ROLE, needs: &[role::SCENE], question, essence };
 
 fn question(_id: &str) -> Question {
-    Question::of(&keys::LABELING_FIND, &FindRequest { text: "the sac".to_owned(), at_least_revision: 0 })
+    Question::of(&keys::LABELING_FIND, &FindRequest { text: "the sac".to_owned(), ..FindRequest::default() })
 }
 
 fn essence(payload: &[u8]) -> Result<String, String> {
@@ -36,7 +36,8 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
 }
 
 async fn find(stage: &Stage<'_>, text: &str) -> Result<FindReply, String> {
-    let request = FindRequest { text: text.to_owned(), at_least_revision: stage.scene_state().await?.revision };
+    let at_least_revision = stage.scene_state().await?.revision;
+    let request = FindRequest { text: text.to_owned(), at_least_revision, ..FindRequest::default() };
     stage.cli.ask(&keys::LABELING_FIND, &request, &soon()).await.map_err(|f| format!("cmd/find {text}: {f}"))
 }
 
@@ -138,7 +139,7 @@ async fn refuses(stage: &Stage<'_>) -> Result<(), String> {
     let reply = stage.cli.ask(&keys::LABELING_DESCRIBE, &unknown, &soon()).await;
     let code = reply.as_ref().err().map(|fault| fault.code);
     hold(code == Some(Code::NotFound), || format!("a unit that does not exist: {reply:?}"))?;
-    let long = FindRequest { text: "a".repeat(513), at_least_revision: 0 };
+    let long = FindRequest { text: "a".repeat(513), ..FindRequest::default() };
     let reply = stage.cli.ask(&keys::LABELING_FIND, &long, &soon()).await;
     let code = reply.as_ref().err().map(|fault| fault.code);
     hold(code == Some(Code::InvalidArgument), || format!("a text of 513 bytes: {reply:?}"))

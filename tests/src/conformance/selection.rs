@@ -14,7 +14,7 @@ use sg_proto::scene::{
     SelectionStep, SetVisibility, Stroke, StrokeKind, StrokeMode, Undo, WalkTuning,
 };
 use sg_proto::selection::{
-    AnswerStep, Answers, ProposalsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest,
+    AnswerStep, Answers, ProposalsRequest, RegionsRequest, SampleRequest, StrokesReply, StrokesRequest, TuneRequest,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -63,6 +63,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("tries another leak and threshold after a walk", tunes(stage).await);
     checks.note("answers a walk at every scale", answers(stage).await);
     checks.note("says where a next stroke would tell most", proposes(stage).await);
+    checks.note("has regions at several scales", regions(stage).await);
     checks.note("leaves out what is hidden", hidden(stage).await);
     checks.note("leaves out what the transfer function hides", hidden_by_function(stage).await);
     checks.note("refuses strokes that are none", misfits(stage).await);
@@ -455,6 +456,32 @@ async fn proposes(stage: &mut Stage<'_>) -> Result<(), String> {
         refused_as(stage.put(&question, &id).await, wrong).map_err(|why| format!("{count} places: {why}"))?;
     }
     Ok(())
+}
+
+async fn regions(stage: &mut Stage<'_>) -> Result<(), String> {
+    let request = |count| Question::of(&keys::SELECTION_REGIONS, &RegionsRequest { count });
+    let asked = RegionsRequest { count: 12 };
+    let reply = stage.cli.ask(&keys::SELECTION_REGIONS, &asked, &soon()).await;
+    let reply = reply.map_err(|f| format!("cmd/regions: {f}"))?;
+    hold((1..=12).contains(&reply.regions.len()), || format!("{} of 12 regions", reply.regions.len()))?;
+    let falls = reply.regions.windows(2).all(|pair| pair[0].prominence >= pair[1].prominence);
+    hold(falls && reply.regions.iter().all(|r| (0.0..=1.0).contains(&r.prominence)), || format!("{reply:?}"))?;
+    let labels = sg_formats::npy::read_labels(Path::new(&reply.labels_path)).map_err(|e| e.to_string())?;
+    let state = stage.cli.newest(&keys::SELECTION_STATE, &soon()).await.map_err(|f| f.to_string())?;
+    hold(reply.labels_hash == state.labels_hash, || "regions of other labels than those of its state".to_owned())?;
+    for (at, region) in reply.regions.iter().enumerate() {
+        let is_in = |label: &i32| region.clusters.iter().any(|c| i64::from(*c) == i64::from(*label));
+        let members = labels.iter().filter(|label| is_in(label)).count() as u64;
+        hold(members == region.gaussians && members > 0, || format!("{members} Gaussians are in {region:?}"))?;
+        for other in &reply.regions[..at] {
+            let shared = region.clusters.iter().filter(|c| other.clusters.contains(c)).count();
+            let is_part = shared == 0 || shared == region.clusters.len().min(other.clusters.len());
+            hold(is_part, || format!("neither nested nor apart: {region:?}, {other:?}"))?;
+        }
+    }
+    let id = stage.new_id();
+    let wrong = &[Code::InvalidArgument, Code::OutOfRange];
+    refused_as(stage.put(&request(257), &id).await, wrong).map_err(|why| format!("257 regions: {why}"))
 }
 
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {

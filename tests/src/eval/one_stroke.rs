@@ -11,8 +11,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::Serialize;
 use sg_clusters::cluster_graph::{ClusterGraph, GraphForm};
-use sg_clusters::clustering::{ClusteringOptions, cluster};
+use sg_clusters::clustering::{Cluster, ClusteringOptions, cluster};
 use sg_clusters::geometry::{Geometry, GeometryOptions};
+use sg_clusters::hierarchy::{ClusterLook, ClusterRegion, HierarchyOptions, regions};
 use sg_clusters::progress::Silent;
 use sg_selection::brush::Brush;
 use sg_selection::cluster_members::ClusterMembers;
@@ -34,6 +35,9 @@ pub const SHARES: [(&str, f64); 2] = [("long", 0.45), ("short", 0.12)];
 /// Least Gaussians of a part that is a target, and its largest share of the scene.
 const LEAST: usize = 60;
 const LARGEST: f64 = 0.95;
+
+/// Regions of each scene: as many as the labeling service compares texts with.
+const REGIONS: usize = 64;
 
 /// What is evaluated.
 #[derive(Debug, Clone)]
@@ -73,6 +77,8 @@ pub struct Played {
     pub length: &'static str,
     /// IoU of the best union of clusters.
     pub union: f64,
+    /// IoU of the best of the regions that are known before any stroke.
+    pub region: f64,
     /// Without creases.
     pub plain: Curve,
     /// With creases.
@@ -145,6 +151,14 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
     let broken = |e: SelectionError| EvalError::Data { path: subject.name.clone(), why: e.to_string() };
     let plain = Walker::new(&graph, None).map_err(|e| broken(e.into()))?;
     let creased = Walker::new(&graph, Some(sg_clusters::creases::CREASE)).map_err(|e| broken(e.into()))?;
+    // Colours would tell the parts of some scenes.
+    let look = |(c, cluster): (usize, &Cluster)| ClusterLook {
+        unit: cluster.unit,
+        gaussians: members.get(c).len() as u64,
+        color: [0.0; 3],
+    };
+    let looks: Vec<ClusterLook> = clustering.clusters.iter().enumerate().map(look).collect();
+    let regions = regions(&graph, &looks, HierarchyOptions::default(), REGIONS);
     let mut parts: Vec<i32> = subject.part.clone();
     parts.sort_unstable();
     parts.dedup();
@@ -159,6 +173,11 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
         let union = best_union_iou(&clustering.labels, &inside);
         let mut own = vec![0_u32; clustering.clusters.len()];
         (0..scene.len()).filter(|g| inside[*g]).filter_map(label).for_each(|c| own[c] += 1);
+        let overlap = |region: &ClusterRegion| {
+            let shared: u32 = region.clusters.iter().map(|c| own[*c as usize]).sum();
+            f64::from(shared) / (region.gaussians as f64 + wanted as f64 - f64::from(shared))
+        };
+        let region = regions.iter().map(overlap).fold(0.0, f64::max);
         let Some(target) = Target::new(scene, &points, inside) else { continue };
         let trials: Vec<(usize, usize)> =
             (0..SHARES.len()).flat_map(|l| (0..options.strokes).map(move |k| (l, k))).collect();
@@ -185,6 +204,7 @@ fn on(group: &'static str, subject: &Subject, options: &Options) -> Result<Vec<P
                     degree: [mean(&mut hit.iter().map(|c| neighbours[*c])), mean(&mut neighbours.iter().copied())],
                     length: SHARES[length].0,
                     union,
+                    region,
                     plain: plain.play(&hit, &members, &own)?,
                     creased: creased.play(&hit, &members, &own)?,
                     three: robot::three(&every_scale, &stroke, target.inside())?,

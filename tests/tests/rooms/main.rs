@@ -356,6 +356,7 @@ const MAP: [(&str, &str, &[&str]); 39] = [
         "supergaussian-selection",
         &[
             "sg-clusters",
+            "sg-color",
             "sg-edit",
             "sg-formats",
             "sg-input",

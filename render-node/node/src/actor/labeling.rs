@@ -107,7 +107,7 @@ impl Questions {
     /// Asks which units a text means.
     pub(super) fn find(&mut self, number: u64, text: String) {
         supersede(&self.bus, self.find.take());
-        let request = FindRequest { text, at_least_revision: self.revision() };
+        let request = FindRequest { text, at_least_revision: self.revision(), regions: true, ..FindRequest::default() };
         let context = Context::root().deadline_in(FIND_TIMEOUT);
         let id = context.id.clone();
         let (bus, writer) = (self.bus.clone(), self.writer.clone());

@@ -1,13 +1,15 @@
 //! What the labeling service knows: the units that a text means, and the best views of a unit or of the selection.
 
 use egui::{
-    Align, Button, Color32, Label, Layout, Rect, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind, TextureHandle,
-    Ui, Vec2, WidgetInfo, pos2, vec2,
+    Align, Button, Color32, Label, Layout, Rect, Response, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind,
+    TextureHandle, Ui, Vec2, WidgetInfo, pos2, vec2,
 };
 use sg_edit::{EditState, UnitRef};
 use sg_proto::labeling::{Candidate, FindReply, Outcome, State};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Select, SetOperation, SetView, Target, set_view};
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{Select, SelectionStep, SetOperation, SetView, Target, set_view};
+use sg_proto::selection::StrokesRequest;
 
 use super::control::{button_width, capital, cell, scale, section};
 use super::label_questions::Thumbnails;
@@ -128,8 +130,8 @@ impl Panels {
             Err(problem) => return show_problem(ui, problem),
         };
         ui.label(RichText::new(format!("“{}”: {}", question.about, verdict(reply))).strong());
-        if reply.units.is_empty() {
-            return;
+        if reply.units.is_empty() || !reply.regions.is_empty() {
+            return proposed_regions(ui, state, reply, output);
         }
         let mut pressed = None;
         let list = ScrollArea::vertical().id_salt("candidates").max_height(LIST * scale(ui)).auto_shrink([false, true]);
@@ -244,26 +246,44 @@ fn thumbnail(
 
 /// The line of a candidate, and why it is one; returns whether it was pressed.
 fn candidate_row(ui: &mut Ui, candidate: &Candidate, is_there: bool) -> bool {
-    let name = &candidate.unit;
+    let button = scored_row(ui, &candidate.unit, &candidate.explanation, candidate.score, is_there);
+    button.on_disabled_hover_text("it is no longer in the scene").clicked()
+}
+
+/// A button with a score, and the reason for it below.
+fn scored_row(ui: &mut Ui, name: &str, explanation: &str, score: f64, is_enabled: bool) -> Response {
     let response = ui.horizontal(|ui| {
         let width = ui.available_width() - SCORE * scale(ui) - ui.spacing().item_spacing.x;
         let size = vec2(width.max(40.0), ui.spacing().interact_size.y);
-        let button = Button::new(name.as_str()).truncate().min_size(size).frame_when_inactive(false);
+        let button = Button::new(name).truncate().min_size(size).frame_when_inactive(false);
         let shape = Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
-        let pressed = ui.allocate_ui_with_layout(size, shape, |ui| ui.add_enabled(is_there, button)).inner;
-        cell(ui, SCORE * scale(ui), Align::Max, RichText::new(share(candidate.score)));
+        let pressed = ui.allocate_ui_with_layout(size, shape, |ui| ui.add_enabled(is_enabled, button)).inner;
+        cell(ui, SCORE * scale(ui), Align::Max, RichText::new(share(score)));
         pressed
     });
     let button = response.inner;
     // The unit's own row has its name.
     ui.ctx().accesskit_node_builder(button.id, |node| node.set_label(format!("candidate {name}")));
-    let why = capital(&candidate.explanation);
+    let why = capital(explanation);
     let button = if why.is_empty() { button } else { button.on_hover_text(&why) };
-    let button = button.on_disabled_hover_text("it is no longer in the scene");
     if !why.is_empty() {
         ui.add(Label::new(RichText::new(why).small().weak()).truncate());
     }
-    button.clicked()
+    button
+}
+
+/// The regions that the text may mean although no unit is one of them. A press selects a region.
+fn proposed_regions(ui: &mut Ui, state: &ViewState, reply: &FindReply, output: &mut Output) {
+    for (k, region) in reply.regions.iter().enumerate() {
+        let name = format!("region of {} Gaussians", count(region.gaussians as usize));
+        let shown =
+            ui.push_id(k, |ui| scored_row(ui, &name, &region.explanation, region.score, state.services.selection));
+        if shown.inner.on_hover_text("selects it; nobody has named it").clicked() {
+            let steps = vec![SelectionStep { step: region.members.clone().map(Step::Mask) }];
+            let request = StrokesRequest { restart: true, steps, ..StrokesRequest::default() };
+            output.requests.push(Request::Select(request));
+        }
+    }
 }
 
 /// What the service says about the text, for a person.
@@ -275,7 +295,13 @@ fn verdict(reply: &FindReply) -> String {
         (Outcome::Ambiguous, _) => "which one?".to_owned(),
         (Outcome::NoMatch | Outcome::Unspecified, n) => {
             let reason = if reply.reason.is_empty() { "no match" } else { reply.reason.as_str() };
-            if n == 0 { reason.to_owned() } else { format!("{reason}; the likeliest is") }
+            if !reply.regions.is_empty() {
+                format!("{reason}; it may be a part without a name")
+            } else if n == 0 {
+                reason.to_owned()
+            } else {
+                format!("{reason}; the likeliest is")
+            }
         }
     }
 }
@@ -287,8 +313,11 @@ fn knowledge(ui: &mut Ui, known: &State) {
     }
     if !known.image_encoder.is_empty() {
         let there = known.embedded.len();
-        let all = there.saturating_add(known.pending as usize);
-        let text = format!("pictures: {} of {} units embedded", count(there), count(all));
+        let all = known.units.max(there as u32) as usize;
+        let mut text = format!("pictures: {} of {} units embedded", count(there), count(all));
+        if known.embedded_regions > 0 {
+            text.push_str(&format!(", and {} parts", count(known.embedded_regions as usize)));
+        }
         ui.label(RichText::new(text).small().weak()).on_hover_text(&known.image_encoder);
     }
 }

@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use sg_proto::labeling::{Candidate, FindReply, Outcome, RegionView, State, ViewsReply};
+use sg_proto::labeling::{Candidate, FindReply, Outcome, ProposedRegion, RegionView, State, ViewsReply};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Select, SetLock, SetOperation, SetView, Target, Vector, View, set_view};
+use sg_proto::scene::selection_step::Step;
+use sg_proto::scene::{Mask, Select, SelectionStep, SetLock, SetOperation, SetView, Target, Vector, View, set_view};
+use sg_proto::selection::StrokesRequest;
 use sg_viewer::display::{Answer, Labeling, RegionViews, Request};
 use sg_viewer::panels::Panel;
 
@@ -61,7 +63,7 @@ fn reply(outcome: Outcome, units: &[(&str, f64)], reason: &str) -> FindReply {
         inferred: true,
     };
     let units = units.iter().map(candidate).collect();
-    FindReply { outcome: outcome.into(), units, reason: reason.to_owned(), revision: 0 }
+    FindReply { outcome: outcome.into(), units, reason: reason.to_owned(), ..FindReply::default() }
 }
 
 fn found(panel: &mut Harness<'_, Stage>, number: u64, reply: FindReply) {
@@ -131,6 +133,26 @@ fn an_ambiguity_is_a_question_and_no_match_has_a_reason() {
     let number = ask(&mut panel, "e");
     told(&mut panel, |labeling| labeling.take_found(Answer { number, result: Err("it is busy".to_owned()) }));
     assert!(is_there(&panel, "It is busy") && !is_there(&panel, "candidate sac"));
+}
+
+#[test]
+fn a_region_that_nobody_has_named_is_selected_by_a_press() {
+    let mut panel = labels();
+    let number = ask(&mut panel, "red part");
+    let members = Some(Mask { length: 9, bits: vec![0b11, 0] });
+    let region =
+        ProposedRegion { members: members.clone(), gaussians: 1234, score: 0.91, explanation: "looks red".into() };
+    let reply =
+        FindReply { regions: vec![region], ..reply(Outcome::NoMatch, &[("sac", 0.1)], "nothing looks \"red\"") };
+    found(&mut panel, number, reply);
+    for label in ["“red part”: nothing looks \"red\"; it may be a part without a name", "91 %", "Looks red"] {
+        assert!(is_there(&panel, label), "{label}");
+    }
+    assert!(!is_there(&panel, "candidate sac"), "the likeliest unit is not likely");
+    press(&mut panel, "candidate region of 1,234 Gaussians");
+    let steps = vec![SelectionStep { step: members.map(Step::Mask) }];
+    let expected = StrokesRequest { restart: true, steps, ..StrokesRequest::default() };
+    assert_eq!(asked(&mut panel), [Request::Select(expected)]);
 }
 
 #[test]

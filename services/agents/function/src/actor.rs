@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use lru::LruCache;
 use sg_language::resolution::Step;
-use sg_language::{commands, query, report, request_ids, resolved_names, unit_choice, unit_names};
+use sg_language::{commands, proposed_regions, query, report, request_ids, resolved_names, unit_choice, unit_names};
 use sg_llm::{Answer, LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
+use sg_proto::labeling::ProposedRegion;
 use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult, ResolvedName};
 use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, MeasureRequest, State, Target};
 use sg_proto::selection::{StrokesReply, StrokesRequest};
@@ -96,6 +97,8 @@ enum Chosen {
     Clause(Box<Clause>, Vec<ResolvedName>),
     /// A name may mean several units.
     Question(String),
+    /// The only name means no unit, but one of these regions.
+    Regions(String, Vec<ProposedRegion>),
 }
 
 /// The model's answer to a name.
@@ -231,13 +234,17 @@ impl FunctionAgent {
     async fn choose_units(&mut self, clause: &Clause, state: &State, context: &Context) -> Result<Chosen, Fault> {
         let (mut chosen, mut resolved_names) = (clause.clone(), Vec::new());
         let mut is_model_working = self.llm.has_model();
+        let mut proposed = None;
         for spoken in unit_choice::unknown_names(clause, state).into_iter().take(MAX_CHOICES) {
             let searched = unit_choice::searched(spoken, state);
             let found = self.labels.find(&searched, state.revision, context).await;
             let mut meant = match found.map_err(|fault| service_fault(role::LABELING, fault))? {
                 Meaning::Units(units) => units,
                 Meaning::Question(question) => return Ok(Chosen::Question(question)),
-                Meaning::Unknown if is_model_working => {
+                meaning @ (Meaning::Unknown | Meaning::Regions(_)) if is_model_working => {
+                    if let Meaning::Regions(regions) = meaning {
+                        proposed = Some((spoken.to_owned(), regions));
+                    }
                     match self.model_choice(spoken, clause, state, context).await? {
                         ModelChoice::Unit(unit) => vec![unit],
                         ModelChoice::NoUnit => Vec::new(),
@@ -248,6 +255,10 @@ impl FunctionAgent {
                         }
                     }
                 }
+                Meaning::Regions(regions) => {
+                    proposed = Some((spoken.to_owned(), regions));
+                    Vec::new()
+                }
                 Meaning::Unknown => Vec::new(),
             };
             // A unit that was chosen in an earlier try may be deleted by now.
@@ -257,7 +268,11 @@ impl FunctionAgent {
                 let units: Vec<&str> = meant.iter().map(|name| name.unit.as_str()).collect();
                 chosen = unit_choice::substitute(chosen, spoken, &units);
                 resolved_names.extend(meant);
+                proposed = proposed.filter(|(name, _)| name != spoken);
             }
+        }
+        if let Some((spoken, regions)) = proposed {
+            return Ok(Chosen::Regions(spoken, regions));
         }
         Ok(Chosen::Clause(Box::new(chosen), resolved_names))
     }
@@ -321,6 +336,19 @@ impl FunctionAgent {
                 // An earlier try may have renamed one of several units.
                 let stored = self.stored_event(&id, context).await?;
                 return Ok(stored.map_or_else(|| failure(question), |event| stored_result(&id, &event)));
+            }
+            Chosen::Regions(spoken, regions) => {
+                return match proposed_regions::selection(clause, &spoken, &regions) {
+                    Some(request) => {
+                        let reply = self.select(&request, id, context).await?;
+                        let text = match reply.ok {
+                            true => proposed_regions::selected(&spoken, &regions),
+                            false => reply.text,
+                        };
+                        Ok(ActionResult { text, ..reply })
+                    }
+                    None => Ok(failure(proposed_regions::question(&spoken, &regions))),
+                };
             }
         };
         let action = self.apply_clause(&clause, id, state, plan, context).await?;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use sg_language::{resolved_names, unit_choice};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome};
+use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome, ProposedRegion};
 use sg_proto::language::ResolvedName;
 use sg_runtime::bus::{Bus, BusError};
 use sg_runtime::context::Context;
@@ -23,6 +23,8 @@ pub(crate) enum Meaning {
     Units(Vec<ResolvedName>),
     /// One of several units, or none that is like another one; a question or a reason for the person.
     Question(String),
+    /// No unit, but one of these regions that nobody has named, the likeliest first.
+    Regions(Vec<ProposedRegion>),
     /// No unit, or a session without the service.
     Unknown,
 }
@@ -58,7 +60,12 @@ impl Labels {
         if !self.is_served.load(Ordering::Relaxed) || spoken.len() > MAX_TEXT_BYTES {
             return Ok(Meaning::Unknown);
         }
-        let request = FindRequest { text: spoken.to_owned(), at_least_revision: revision };
+        let request = FindRequest {
+            text: spoken.to_owned(),
+            at_least_revision: revision,
+            regions: true,
+            ..FindRequest::default()
+        };
         let inner = context.next().within(context.remaining() / 2);
         let reply = match self.bus.ask(&keys::LABELING_FIND, &request, &inner).await {
             Ok(reply) => reply,
@@ -75,6 +82,7 @@ impl Labels {
             Outcome::NoMatch if unit_choice::is_alike(spoken) && !reply.reason.is_empty() => {
                 Meaning::Question(resolved_names::refusal(&reply.reason))
             }
+            Outcome::NoMatch if !reply.regions.is_empty() => Meaning::Regions(reply.regions),
             Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown,
         })
     }

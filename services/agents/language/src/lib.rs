@@ -40,6 +40,7 @@ pub mod intent_schema;
 pub mod paraphrase;
 pub mod prompt;
 mod property;
+pub mod proposed_regions;
 pub mod query;
 pub mod reply;
 pub mod report;

@@ -11,6 +11,7 @@ use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
 use sg_labeling::attributes::Attributes;
 use sg_labeling::attributes::words::describing;
+use sg_labeling::frame::Frame;
 use sg_labeling::meaning::LabelCosines;
 use sg_labeling::pictures::UnitPictures;
 use sg_labeling::query::QueryContext;
@@ -29,12 +30,15 @@ use crate::embedding_cache::EmbeddingCache;
 use crate::label_encoder::LabelEncoder;
 use crate::measured_units::{MeasuredUnits, Units, labelled};
 use crate::params::Params;
+use crate::region_proposals::{RegionProposals, may_be_region};
 use crate::unit_embeddings::UnitEmbeddings;
 use crate::viewer::{Viewer, ViewsMessage};
 use crate::wire;
 
 /// Length of the request queue.
 const QUEUE: usize = 8;
+/// Length of the queue of services that start and end.
+const LIVELINESS_QUEUE: usize = 64;
 /// Longest text to find, bytes.
 const MAX_TEXT_BYTES: usize = 512;
 /// Time without a change of the scene after which units are measured in advance.
@@ -65,6 +69,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let file = file.map_err(|e| StartError::Input(e.to_string()))?;
     let placed = PlacedScene::new(Arc::new(file));
     let viewer = Viewer::new(scene.clone(), placed.clone());
+    let regions = RegionProposals::new(host.bus().clone(), host.blobs().clone(), placed.clone());
+    let regions = Arc::new(regions);
     let progress = watch::Sender::new(EmbeddingProgress::default());
     if let Some(embeddings) = &embeddings {
         let cache = params.cache.clone().unwrap_or_else(|| host.run_dir().join("embeddings"));
@@ -72,6 +78,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
             scene: scene.clone(),
             placed: placed.clone(),
             embeddings: Arc::clone(embeddings),
+            regions: Arc::clone(&regions),
+            services: host.bus().watch_liveliness(LIVELINESS_QUEUE).await?,
             cache: EmbeddingCache::new(&cache),
             progress: progress.clone(),
             bus: host.bus().clone(),
@@ -88,7 +96,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     if let Some(encoder) = &encoder {
         tokio::spawn(encode_labels(Arc::clone(encoder), labels.subscribe()));
     }
-    let mut labeler = Labeler { scene: scene.clone(), units, encoder, embeddings, labels, answered: 0 };
+    let mut labeler = Labeler { scene: scene.clone(), units, encoder, embeddings, regions, labels, answered: 0 };
     tokio::task::block_in_place(|| labeler.measured(newest.replica.state()))
         .map_err(|fault| StartError::Failed(fault.message))?;
 
@@ -126,7 +134,7 @@ struct Published {
 
 impl Published {
     fn state(&self, state: &EditState) -> labeling::State {
-        let EmbeddingProgress { embedded, pending } = self.progress.borrow().clone();
+        let EmbeddingProgress { embedded, pending, embedded_regions } = self.progress.borrow().clone();
         labeling::State {
             revision: state.revision(),
             units: u32::try_from(labelled(state).count()).unwrap_or(u32::MAX),
@@ -134,6 +142,7 @@ impl Published {
             image_encoder: self.image_encoder.clone(),
             embedded,
             pending,
+            embedded_regions,
         }
     }
 }
@@ -205,6 +214,8 @@ struct Labeler {
     units: MeasuredUnits,
     encoder: Option<Arc<LabelEncoder>>,
     embeddings: Option<Arc<UnitEmbeddings>>,
+    /// Regions that nobody has named.
+    regions: Arc<RegionProposals>,
     /// Labels to encode in advance.
     labels: watch::Sender<Vec<String>>,
     answered: u64,
@@ -288,7 +299,7 @@ impl Labeler {
             return Err(Fault::invalid(format!("the text has {found} bytes; the limit is {MAX_TEXT_BYTES}")));
         }
         let state = self.state_at(request.at_least_revision, context).await?;
-        tokio::task::block_in_place(|| {
+        let (mut reply, may_be_region) = tokio::task::block_in_place(|| {
             let units = self.measured(&state)?;
             let encoder = self.encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
             let pictures = self.embeddings.as_ref().map(|embeddings| embeddings.of(&units.names));
@@ -298,8 +309,17 @@ impl Labeler {
                 pictures: pictures.as_ref().map(|pictures| pictures as &dyn UnitPictures),
                 selection: Some(&selection),
             };
-            Ok(wire::encode(units.queryable.find_by(&request.text, context), &units))
-        })
+            let outcome = units.queryable.find_by(&request.text, context);
+            let may_be_region = request.regions && may_be_region(&outcome, self.embeddings.is_some());
+            Ok::<_, Fault>((wire::encode(outcome, &units), may_be_region))
+        })?;
+        if may_be_region && let Some(regions) = self.regions.of(&state, context).await {
+            let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
+            let embeddings = self.embeddings.as_deref();
+            let found = tokio::task::block_in_place(|| regions.find(&request.text, frame, embeddings));
+            reply.regions = found.map_err(|e| Fault::internal(e.to_string()))?;
+        }
+        Ok(reply)
     }
 
     async fn describe(

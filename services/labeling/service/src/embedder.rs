@@ -4,17 +4,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sg_edit::{EditError, EditState, PlacedScene, Replica, UnitRef};
-use sg_proto::keys;
+use sg_proto::keys::{self, role};
 use sg_proto::labeling::{self, EmbeddingStatus};
-use sg_runtime::bus::Bus;
+use sg_runtime::bus::{Bus, LivelinessChange};
 use sg_runtime::context::Context;
 use sg_runtime::scene_replica::SceneReplica;
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 
 use crate::embedding_cache::EmbeddingCache;
 use crate::measured_units::{labelled, looks_alike};
 use crate::picture_encoder::{PictureEncoder, PictureError, RegionEmbedding};
+use crate::region_proposals::{RegionProposals, Regions};
 use crate::region_views::RegionViewsError;
 use crate::unit_embeddings::{Fused, UnitEmbeddings};
 
@@ -26,13 +28,20 @@ const MAX_GAUSSIANS: usize = 1_000_000;
 const SETTLED: Duration = Duration::from_millis(250);
 /// Time before each further try of a unit that could not be embedded.
 const RETRIES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
+/// Most regions that are embedded.
+const MAX_REGIONS: usize = 24;
+/// Time that the regions may take to come.
+const REGIONS_TIME: Duration = Duration::from_secs(10);
+
 /// Which units have an embedding.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct EmbeddingProgress {
     /// Their names, in the order of the scene.
     pub(crate) embedded: Vec<String>,
-    /// Number of units whose embedding is still to come.
+    /// Number of units and regions whose embedding is still to come.
     pub(crate) pending: u32,
+    /// Number of regions whose embedding is there.
+    pub(crate) embedded_regions: u32,
 }
 
 /// What became of a unit.
@@ -82,6 +91,10 @@ pub(crate) struct Embedder {
     pub(crate) scene: SceneReplica<Replica>,
     pub(crate) placed: PlacedScene,
     pub(crate) embeddings: Arc<UnitEmbeddings>,
+    /// Regions that nobody has named, which are embedded after the units.
+    pub(crate) regions: Arc<RegionProposals>,
+    /// Services that start and end.
+    pub(crate) services: mpsc::Receiver<LivelinessChange>,
     pub(crate) cache: EmbeddingCache,
     pub(crate) progress: watch::Sender<EmbeddingProgress>,
     pub(crate) bus: Bus,
@@ -93,10 +106,21 @@ impl Embedder {
         loop {
             let state = Arc::clone(self.scene.newest().replica.state());
             let is_done = self.embed_units(&state).await;
+            let is_done = is_done && self.embed_regions(&state).await;
             // Names, selection, light and viewpoint may change without an effect on the pictures.
             while is_done && has_same_units(&state, self.scene.newest().replica.state()) {
-                if self.scene.changed().await.is_none() {
-                    return;
+                tokio::select! {
+                    changed = self.scene.changed() => {
+                        if changed.is_none() {
+                            return;
+                        }
+                    }
+                    // A selection service that was away has regions now.
+                    Some(change) = self.services.recv() => {
+                        if change.alive && change.role == role::SELECTION {
+                            break;
+                        }
+                    }
                 }
             }
             loop {
@@ -117,12 +141,8 @@ impl Embedder {
         self.embeddings.retain(&names);
         let mut pending = units.len() as u32;
         let publish = |pending| {
-            let progress = EmbeddingProgress { embedded: self.embeddings.embedded(&names), pending };
-            self.progress.send_if_modified(|known| {
-                let is_new = *known != progress;
-                known.clone_from(&progress);
-                is_new
-            });
+            let embedded = self.embeddings.embedded(&names);
+            self.publish(|known| EmbeddingProgress { embedded, pending, ..known.clone() });
         };
         publish(pending);
         // Units that somebody saved come before those of the file, the newest first: they are asked for first.
@@ -135,6 +155,57 @@ impl Embedder {
             publish(pending);
         }
         true
+    }
+
+    /// Publishes the progress, if it is other than before.
+    fn publish(&self, of: impl FnOnce(&EmbeddingProgress) -> EmbeddingProgress) {
+        self.progress.send_if_modified(|known| {
+            let progress = of(known);
+            let is_new = *known != progress;
+            *known = progress;
+            is_new
+        });
+    }
+
+    /// Embeds the most prominent regions of a state. Returns false if a unit has changed meanwhile.
+    async fn embed_regions(&self, state: &Arc<EditState>) -> bool {
+        let context = Context::root().deadline_in(REGIONS_TIME);
+        let Some(regions) = self.regions.of(state, &context).await else {
+            self.publish(|known| EmbeddingProgress { embedded_regions: 0, ..known.clone() });
+            return true;
+        };
+        let count = regions.masks().len().min(MAX_REGIONS);
+        for at in 0..count {
+            let pending = (count - at) as u32;
+            let embedded_regions = regions.embedded() as u32;
+            self.publish(|known| EmbeddingProgress { pending, embedded_regions, ..known.clone() });
+            if regions.has_pictures(at) {
+                continue;
+            }
+            match self.embed_region(state, &regions, at).await {
+                Ok(()) => {}
+                Err(problem) if problem.is_change() => return false,
+                // Its look speaks for it still.
+                Err(problem) => tracing::warn!(%problem, "a region could not be embedded"),
+            }
+        }
+        let embedded_regions = regions.embedded() as u32;
+        self.publish(|known| EmbeddingProgress { pending: 0, embedded_regions, ..known.clone() });
+        true
+    }
+
+    async fn embed_region(
+        &self,
+        state: &Arc<EditState>,
+        regions: &Arc<Regions>,
+        at: usize,
+    ) -> Result<(), EmbeddingProblem> {
+        let Some(members) = regions.masks().get(at).cloned() else { return Ok(()) };
+        let (placed, of, embeddings) = (self.placed.clone(), Arc::clone(state), Arc::clone(&self.embeddings));
+        let prepared = blocking(move || prepare(&placed, &of, &members, embeddings.encoder())).await??;
+        let (made, _) = self.pictures(state, prepared).await?;
+        let (regions, embeddings) = (Arc::clone(regions), Arc::clone(&self.embeddings));
+        blocking(move || regions.embed(at, &embeddings, made.embedding)).await
     }
 
     /// Embeds a unit, with further tries after a fault that may pass.
@@ -160,13 +231,35 @@ impl Embedder {
 
     async fn try_embed(&self, state: &Arc<EditState>, name: &str, unit: UnitRef) -> Result<(), EmbeddingProblem> {
         let (placed, of, embeddings) = (self.placed.clone(), Arc::clone(state), Arc::clone(&self.embeddings));
-        let prepared = blocking(move || prepare(&placed, &of, unit, embeddings.encoder())).await??;
+        let prepared = blocking(move || prepare(&placed, &of, &of.members(unit), embeddings.encoder())).await??;
         if self.embeddings.has(name, &prepared.key) {
             return Ok(());
         }
         // What it looked like before says nothing of it now.
         self.embeddings.forget(name);
         self.report(state, name, EmbeddingStatus::Started, labeling::Embedding::default()).await;
+        let key = prepared.key;
+        let (made, stored) = self.pictures(state, prepared).await?;
+        let (embeddings, unit_name, embedding) = (Arc::clone(&self.embeddings), name.to_owned(), made.embedding);
+        let Fused { encode_ms, fuse_ms } = blocking(move || embeddings.add(&unit_name, key, &embedding)).await??;
+        let reply = labeling::Embedding {
+            views: made.views as u32,
+            stored,
+            render_ms: made.render_ms,
+            encode_ms: made.encode_ms + encode_ms,
+            fuse_ms,
+            ..labeling::Embedding::default()
+        };
+        self.report(state, name, EmbeddingStatus::Ready, reply).await;
+        Ok(())
+    }
+
+    /// The embedding of a region's pictures, and whether it was stored.
+    async fn pictures(
+        &self,
+        state: &Arc<EditState>,
+        prepared: Prepared,
+    ) -> Result<(RegionEmbedding, bool), EmbeddingProblem> {
         let (cache, key, embeddings) = (self.cache.clone(), prepared.key, Arc::clone(&self.embeddings));
         let (newest, of) = (self.scene.receiver(), Arc::clone(state));
         let made = blocking(move || {
@@ -186,19 +279,7 @@ impl Embedder {
             }
             Ok((made, false))
         });
-        let (made, stored) = made.await??;
-        let (embeddings, unit_name, embedding) = (Arc::clone(&self.embeddings), name.to_owned(), made.embedding);
-        let Fused { encode_ms, fuse_ms } = blocking(move || embeddings.add(&unit_name, key, &embedding)).await??;
-        let reply = labeling::Embedding {
-            views: made.views as u32,
-            stored,
-            render_ms: made.render_ms,
-            encode_ms: made.encode_ms + encode_ms,
-            fuse_ms,
-            ..labeling::Embedding::default()
-        };
-        self.report(state, name, EmbeddingStatus::Ready, reply).await;
-        Ok(())
+        Ok(made.await??)
     }
 
     async fn report(&self, state: &EditState, unit: &str, status: EmbeddingStatus, rest: labeling::Embedding) {
@@ -218,16 +299,15 @@ async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) 
 fn prepare(
     placed: &PlacedScene,
     state: &EditState,
-    unit: UnitRef,
+    members: &Mask,
     encoder: &PictureEncoder,
 ) -> Result<Prepared, EmbeddingProblem> {
     let placed = placed.of(state);
-    let members = state.members(unit);
     let found = members.count();
     if found > MAX_GAUSSIANS {
         return Err(EmbeddingProblem::TooLarge { found });
     }
-    let alone = state.edited_placed(&placed, &members)?;
+    let alone = state.edited_placed(&placed, members)?;
     let key = encoder.key(&alone);
     Ok(Prepared { alone, edge: placed.bounds.longest_edge(), key })
 }

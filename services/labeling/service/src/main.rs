@@ -8,6 +8,7 @@ mod label_encoder;
 mod measured_units;
 mod params;
 mod picture_encoder;
+mod region_proposals;
 mod region_views;
 mod unit_embeddings;
 mod viewer;

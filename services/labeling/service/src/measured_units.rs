@@ -9,7 +9,7 @@ use sg_labeling::frame::Frame;
 use sg_labeling::query::{Item, Scene as Queryable};
 use sg_labeling::wordnet::WordNetError;
 use sg_scene::mask::Mask;
-use sg_scene::model::{BaseUnit, Harmonics, Scene};
+use sg_scene::model::{BaseUnit, Scene};
 
 /// Most Gaussians of a unit that are measured, evenly in the order of the scene. Means of more would hardly differ.
 const SAMPLES: usize = 16_384;
@@ -115,7 +115,7 @@ pub(crate) fn looks_alike(a: &EditState, b: &EditState) -> bool {
 
 /// The look of some Gaussians of a state, of which `scene` is the placed scene. Hidden ones count. `None` for Gaussians that
 /// are not finite or transparent all of them.
-fn measure(scene: &Scene, state: &EditState, members: &Mask) -> Option<Attributes> {
+pub(crate) fn measure(scene: &Scene, state: &EditState, members: &Mask) -> Option<Attributes> {
     let count = members.count();
     let mut sampled = Mask::empty(members.len());
     for i in members.samples(SAMPLES) {
@@ -132,15 +132,10 @@ fn measure(scene: &Scene, state: &EditState, members: &Mask) -> Option<Attribute
 /// One Gaussian without light.
 fn displayed(unit: &BaseUnit, i: usize) -> Gaussian {
     let gaussians = &unit.gaussians;
-    let color = match (&gaussians.shading, &gaussians.harmonics) {
-        (Some(shading), _) => unit.palette + shading.offset_color[i],
-        (None, Some(harmonics)) => Vec3::splat(0.5) + Harmonics::C0 as f32 * Vec3::from_array(harmonics.dc[i]),
-        (None, None) => unit.palette,
-    };
     let stretch = unit.transform.determinant().abs().cbrt();
     Gaussian {
         position: unit.transform.transform_point3(gaussians.position[i].as_dvec3()),
-        color: color.clamp(Vec3::ZERO, Vec3::ONE).to_array(),
+        color: unit.unlit_color(i).as_vec3().clamp(Vec3::ZERO, Vec3::ONE).to_array(),
         opacity: (gaussians.opacity(i) * unit.opacity).min(1.0),
         deviation: stretch * (f64::from(gaussians.log_scale[i].element_sum()) / 3.0).exp(),
     }

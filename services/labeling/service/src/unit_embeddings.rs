@@ -27,6 +27,14 @@ pub(crate) enum FusionChoice {
     Name,
 }
 
+/// An embedding that texts are compared with.
+#[derive(Debug, Clone)]
+pub(crate) struct Compared {
+    embedding: Embedding,
+    /// Cosines of the background with it.
+    background: Vec<f32>,
+}
+
 /// The embedding of one unit.
 #[derive(Debug, Clone)]
 struct UnitEmbedding {
@@ -34,9 +42,7 @@ struct UnitEmbedding {
     key: blake3::Hash,
     pictures: Embedding,
     name: Embedding,
-    fused: Embedding,
-    /// Cosines of the background with it.
-    background: Vec<f32>,
+    fused: Compared,
 }
 
 /// Embeddings of the units of a scene, by their names.
@@ -108,8 +114,8 @@ impl UnitEmbeddings {
         let encoded = start.elapsed();
         let name = name.into_iter().next().ok_or(EmbeddingError::Empty)?;
         let mut known = self.known();
-        let (fused, background) = self.fused(pictures, &name)?;
-        let own = UnitEmbedding { key, pictures: pictures.clone(), name, fused, background };
+        let fused = self.fused(pictures, &name)?;
+        let own = UnitEmbedding { key, pictures: pictures.clone(), name, fused };
         known.insert(unit.to_owned(), own);
         if self.adapts {
             self.adapt(&mut known)?;
@@ -118,17 +124,37 @@ impl UnitEmbeddings {
         Ok(Fused { encode_ms: encoded.as_secs_f64() * 1e3, fuse_ms: (start.elapsed() - encoded).as_secs_f64() * 1e3 })
     }
 
-    /// The embedding of pictures and a name, and the cosines of the background with it.
-    fn fused(&self, pictures: &Embedding, name: &Embedding) -> Result<(Embedding, Vec<f32>), EmbeddingError> {
+    /// An embedding with the cosines of the background.
+    pub(crate) fn compared(&self, embedding: Embedding) -> Compared {
+        // Embeddings of one model always compare.
+        let background = self.background.iter().filter_map(|word| word.cosine(&embedding).ok()).collect();
+        Compared { embedding, background }
+    }
+
+    /// The shares of a text for some embeddings. `None` if it can't be encoded.
+    pub(crate) fn shares<'c>(
+        &self,
+        text: &str,
+        compared: impl Iterator<Item = Option<&'c Compared>>,
+    ) -> Option<PictureShares> {
+        let encoded = self.encoder.encode_texts(&[text]);
+        let text = encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()?;
+        let share = |compared: Option<&Compared>| {
+            let Compared { embedding, background } = compared?;
+            Some(self.encoder.share(embedding.cosine(&text).ok()?, background))
+        };
+        Some(PictureShares { model: self.encoder.name().to_owned(), units: compared.map(share).collect() })
+    }
+
+    /// The embedding of pictures and a name.
+    fn fused(&self, pictures: &Embedding, name: &Embedding) -> Result<Compared, EmbeddingError> {
         let fused = match self.fusion {
             FusionChoice::Normalized => fuse(pictures, name, Fusion::Normalised)?,
             FusionChoice::Unnormalized => fuse(pictures, name, Fusion::Unnormalised)?,
             FusionChoice::Pictures => pictures.clone(),
             FusionChoice::Name => name.clone(),
         };
-        // Embeddings of one model always compare.
-        let background = self.background.iter().filter_map(|word| word.cosine(&fused).ok()).collect();
-        Ok((fused, background))
+        Ok(self.compared(fused))
     }
 
     /// Fuses all units anew, with pictures that an adapter has moved. Each is moved by what the other units teach.
@@ -142,7 +168,7 @@ impl UnitEmbeddings {
             adapted(&pictures, &names, RIDGE)?
         };
         for (unit, pictures) in units.into_iter().zip(&moved) {
-            (unit.fused, unit.background) = self.fused(pictures, &unit.name)?;
+            unit.fused = self.fused(pictures, &unit.name)?;
         }
         Ok(())
     }
@@ -166,15 +192,11 @@ impl UnitPictures for SceneEmbeddings<'_> {
             return None;
         }
         self.parts.set(self.parts.get() + 1);
-        let encoder = &self.embeddings.encoder;
-        let encoded = encoder.encode_texts(&[text]);
-        let text = encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()?;
-        let known = self.embeddings.known();
-        let share = |unit: &String| {
-            let unit = known.get(unit)?;
-            Some(encoder.share(unit.fused.cosine(&text).ok()?, &unit.background))
+        let known: Vec<Option<Compared>> = {
+            let known = self.embeddings.known();
+            self.units.iter().map(|unit| known.get(unit).map(|unit| unit.fused.clone())).collect()
         };
-        Some(PictureShares { model: encoder.name().to_owned(), units: self.units.iter().map(share).collect() })
+        self.embeddings.shares(text, known.iter().map(Option::as_ref))
     }
 }
 
@@ -205,7 +227,7 @@ mod tests {
             let pictures = embeddings.encoder.encode_texts(&["something else"]).unwrap().remove(0);
             assert!(embeddings.of(&units).shares("sac").is_none(), "no unit has an embedding");
             embeddings.add("sac", key, &pictures).unwrap();
-            let known = embeddings.known().get("sac").unwrap().fused.clone();
+            let known = embeddings.known().get("sac").unwrap().fused.embedding.clone();
             let fused = match (fusion, expected) {
                 (_, Some(fusion)) => fuse(&pictures, &name, fusion).unwrap(),
                 (FusionChoice::Pictures, None) => pictures,
@@ -222,7 +244,7 @@ mod tests {
     fn an_adapter_moves_pictures_by_the_other_units() {
         let embeddings = embeddings_that(FusionChoice::Pictures, true);
         let texts = ["a", "b", "c", "d"].map(|text| embeddings.encoder.encode_texts(&[text]).unwrap().remove(0));
-        let fused = |unit: &str| embeddings.known().get(unit).unwrap().fused.clone();
+        let fused = |unit: &str| embeddings.known().get(unit).unwrap().fused.embedding.clone();
         embeddings.add("sac", blake3::hash(b"1"), &texts[0]).unwrap();
         assert!(fused("sac").cosine(&texts[0]).unwrap() > 1.0 - 1e-6, "nothing to learn from");
         embeddings.add("body", blake3::hash(b"2"), &texts[1]).unwrap();

@@ -26,7 +26,13 @@ pub(crate) fn encode(outcome: Outcome, units: &Units) -> labeling::FindReply {
             (labeling::Outcome::NoMatch, candidates(best.into_iter().collect()), why.to_string())
         }
     };
-    labeling::FindReply { outcome: outcome.into(), units: units_found, reason, revision: units.revision }
+    labeling::FindReply {
+        outcome: outcome.into(),
+        units: units_found,
+        reason,
+        revision: units.revision,
+        regions: Vec::new(),
+    }
 }
 
 /// The measured look of a unit, or of the selection where the name is empty.

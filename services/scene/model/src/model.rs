@@ -316,6 +316,19 @@ impl BaseUnit {
         self.gaussians.shading.is_none() && self.gaussians.harmonics.is_some()
     }
 
+    /// The colour of one of its Gaussians in the file, RGB, without light: the palette with the offset, the constant term of its
+    /// harmonics, or the palette. It may lie outside 0 to 1.
+    #[must_use]
+    pub fn unlit_color(&self, i: usize) -> DVec3 {
+        match (&self.gaussians.shading, &self.gaussians.harmonics) {
+            (Some(shading), _) => (self.palette + shading.offset_color[i]).as_dvec3(),
+            (None, Some(harmonics)) => {
+                DVec3::splat(0.5) + Harmonics::C0 * DVec3::from_array(harmonics.dc[i].map(f64::from))
+            }
+            (None, None) => self.palette.as_dvec3(),
+        }
+    }
+
     /// The colour that a palette gives to a unit of trained splats, whose colours are harmonics alone: that of the palette, unless
     /// it is the file's own. It replaces their hue as the colour of a saved unit does
     /// ([`recolored_unlit`](crate::recolor::recolored_unlit)). Other units add the palette to their colours.

@@ -39,6 +39,7 @@ pub mod duplicates;
 pub mod euclidean;
 pub mod features;
 pub mod geometry;
+pub mod hierarchy;
 pub mod merge;
 pub mod neighbours;
 pub mod orientation;

@@ -14,9 +14,6 @@ use sg_clusters::features::{Row, WIDTH, distance_squared};
 use sg_clusters::geometry::{Geometry, GeometryError, GeometryOptions, UnitGeometry};
 use sg_clusters::progress::Silent;
 
-/// C₀ of the real spherical harmonics: colour = ½ + C₀·dc.
-const HARMONIC: f64 = 0.282_094_791_773_878_14;
-
 /// A scene with its neighbour graphs and features. The first operation that needs them computes them.
 #[derive(Debug)]
 pub struct OperationContext {
@@ -277,11 +274,7 @@ fn attribute_of(unit: &BaseUnit, i: usize, attribute: Attribute, longest: f64) -
         Attribute::Green => 1,
         Attribute::Blue => 2,
     };
-    match (&unit.gaussians.shading, &unit.gaussians.harmonics) {
-        (Some(shading), _) => f64::from(unit.palette[channel] + shading.offset_color[i][channel]),
-        (None, Some(harmonics)) => 0.5 + HARMONIC * f64::from(harmonics.dc[i][channel]),
-        (None, None) => f64::from(unit.palette[channel]),
-    }
+    unit.unlit_color(i)[channel]
 }
 
 #[cfg(test)]

@@ -35,6 +35,7 @@ use crate::wire;
 mod answers;
 mod labels;
 mod prepared;
+mod regions;
 mod trials;
 
 use answers::{Newest, publish_revisions};
@@ -110,6 +111,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     host.route(&keys::SELECTION_TUNE, QUEUE, &mailbox, |request, _, reply| Message::Tune { request, reply }).await?;
     host.route(&keys::SELECTION_PROPOSALS, QUEUE, &mailbox, |request, _, reply| Message::Propose { request, reply })
         .await?;
+    host.route(&keys::SELECTION_REGIONS, QUEUE, &mailbox, |request, _, reply| Message::Regions { request, reply })
+        .await?;
     host.route(&keys::SELECTION_STROKES, QUEUE, &mailbox, |request, context, reply| Message::Draw {
         request,
         context,
@@ -129,6 +132,8 @@ enum Message {
     Tune { request: selection::TuneRequest, reply: Reply<selection::TuneReply> },
     /// Proposes places for the next stroke.
     Propose { request: selection::ProposalsRequest, reply: Reply<selection::ProposalsReply> },
+    /// Asks for regions of whole Super-Gaussians.
+    Regions { request: selection::RegionsRequest, reply: Reply<selection::RegionsReply> },
     /// Asks for the newest revision, with its labels and the answers to the walk strokes of its selection.
     Answers { reply: oneshot::Sender<Newest> },
 }
@@ -205,6 +210,9 @@ impl Actor for Selector {
             }
             Message::Propose { request, reply } => {
                 let _ = reply.send(tokio::task::block_in_place(|| self.propose(&request)));
+            }
+            Message::Regions { request, reply } => {
+                let _ = reply.send(tokio::task::block_in_place(|| self.regions(&request)));
             }
             Message::Answers { reply } => {
                 let _ = reply.send(tokio::task::block_in_place(|| self.newest_answers()));

@@ -24,7 +24,7 @@ fn best(of: &[f64]) -> f64 {
 }
 
 /// The rows of the table.
-pub const RULES: [Rule; 13] = [
+pub const RULES: [Rule; 14] = [
     ("ε = .03", |p| p.plain.iou[super::curve::LEAKS]),
     ("ε = .003", |p| p.plain.iou[super::curve::LEAKS + 1]),
     ("ε = .03, creases", |p| p.creased.iou[super::curve::LEAKS]),
@@ -38,6 +38,7 @@ pub const RULES: [Rule; 13] = [
     ("best ε for each stroke, no creases", |p| best(&p.plain.iou)),
     ("best ε for each stroke, creases", |p| best(&p.creased.iou)),
     ("best union of clusters", |p| p.union),
+    ("best of 64 regions, without a stroke", |p| p.region),
 ];
 
 /// One cell: a rule on a group of scenes with strokes of one length.

@@ -99,8 +99,8 @@ pub(super) struct Places {
 }
 
 /// The clusters of a scene and their graph.
-struct Clustered {
-    clustering: Clustering,
+pub(super) struct Clustered {
+    pub(super) clustering: Clustering,
     graph: ClusterGraph,
 }
 
@@ -152,6 +152,21 @@ impl Places {
         clustered
     }
 
+    /// The scene of a state, its clusters, and their edges.
+    pub(super) fn contacts(&mut self, state: &EditState) -> (Arc<Scene>, Arc<Clustered>, ClusterGraph) {
+        let scene = self.scene.of(state);
+        let (clustered, graph) = self.edges(state, &scene);
+        (scene, clustered, graph)
+    }
+
+    /// The clusters of a state, and the edges between those that were not moved apart.
+    fn edges(&mut self, state: &EditState, scene: &Scene) -> (Arc<Clustered>, ClusterGraph) {
+        let clustered = self.clustered(state, scene);
+        let part = parts_of_clusters(state, &clustered.clustering);
+        let graph = clustered.graph.keeping(|u, v| part.get(u as usize) == part.get(v as usize));
+        (clustered, graph)
+    }
+
     /// The index of a scene in this state. Without a move since the last call it costs nothing.
     pub(super) fn index_of(&mut self, state: &EditState) -> Arc<SelectionIndex> {
         let scene = self.scene.of(state);
@@ -162,11 +177,8 @@ impl Places {
         if let Some((_, index)) = self.newest.as_ref().filter(|(of, _)| Arc::ptr_eq(of, &scene)) {
             return Arc::clone(index);
         }
-        let clustered = self.clustered(state, &scene);
-        let Clustered { clustering, graph } = &*clustered;
-        let part = parts_of_clusters(state, clustering);
-        let together = |u: u32, v: u32| part.get(u as usize) == part.get(v as usize);
-        let index = index_of(&scene, clustering, &graph.keeping(together), self.walk, self.geometry);
+        let (clustered, graph) = self.edges(state, &scene);
+        let index = index_of(&scene, &clustered.clustering, &graph, self.walk, self.geometry);
         self.newest = Some((scene, Arc::clone(&index)));
         index
     }
@@ -257,10 +269,25 @@ fn compute(
 }
 
 #[cfg(test)]
+impl Places {
+    /// A scene with at most so many clusters in each base unit.
+    pub(super) fn of_scene(scene: &Arc<Scene>, max_clusters: usize) -> Self {
+        use sg_clusters::progress::Silent;
+
+        let geometry = GeometryOptions::default();
+        let found = Geometry::of_scene(scene, geometry, &Silent).unwrap();
+        let options = ClusteringOptions { max_clusters, ..ClusteringOptions::default() };
+        let (clustering, _) = cluster(&found, &options, &Silent).unwrap();
+        let walk = WalkOptions::default();
+        let graph = ClusterGraph::new(&found, &clustering, walk.form).unwrap();
+        Self::new(PlacedScene::new(Arc::clone(scene)), (clustering, graph), walk, geometry)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
-    use sg_clusters::progress::Silent;
     use sg_proto::scene::command::Action;
     use sg_proto::scene::{DuplicateGaussians, Target, TransformGaussians, Vector};
     use sg_scene::synthetic::test_scene;
@@ -268,13 +295,7 @@ mod tests {
     use sg_selection::strokes::{Kind, Mode, Stroke};
 
     fn places(scene: &Arc<Scene>) -> Places {
-        let geometry = GeometryOptions::default();
-        let found = Geometry::of_scene(scene, geometry, &Silent).unwrap();
-        let options = ClusteringOptions { max_clusters: 40, ..ClusteringOptions::default() };
-        let (clustering, _) = cluster(&found, &options, &Silent).unwrap();
-        let walk = WalkOptions::default();
-        let graph = ClusterGraph::new(&found, &clustering, walk.form).unwrap();
-        Places::new(PlacedScene::new(Arc::clone(scene)), (clustering, graph), walk, geometry)
+        Places::of_scene(scene, 40)
     }
 
     fn shifted(scene: &Arc<Scene>, state: &EditState, name: &str, x: f64) -> EditState {
