@@ -33,18 +33,19 @@ pub fn write(folder: &Path) -> std::io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Writes a scene of one base unit, `thing`, into a folder and gives its file: a grey ball and a red one that nearly touch.
+/// Writes a scene of one base unit, `thing`, into a folder and gives its file: a green ball and a red one that nearly touch.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_two_colored(folder: &Path) -> std::io::Result<PathBuf> {
     let path = folder.join("thing.ply");
-    std::fs::write(&path, balls(&[(0.0, GREY), (1.7, RED)]))?;
+    std::fs::write(&path, balls(&[(0.0, GREEN), (1.7, RED)]))?;
     Ok(path)
 }
 
-/// Constant terms of the harmonics of a grey and of a red.
+/// Constant terms of the harmonics of a grey, a green and a red.
 const GREY: [f64; 3] = [0.3, 0.2, 0.1];
+const GREEN: [f64; 3] = [-1.2, 0.4, -1.0];
 const RED: [f64; 3] = [1.4, -1.5, -1.5];
 
 /// Balls of radius 0.8 about points of the x axis, each in a colour, as a 3DGS file. The first one's Gaussians come first.

@@ -5,8 +5,9 @@
 use std::path::Path;
 
 use sg_edit::wire::decode_mask;
+use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::labeling::{Embedding, EmbeddingStatus, FindRequest, Outcome};
+use sg_proto::labeling::{Embedding, EmbeddingStatus, FindRequest, Outcome, ViewsRequest};
 use sg_proto::scene::ChangesRequest;
 use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::process::block_on;
@@ -77,6 +78,22 @@ fn units_get_embeddings_that_follow_their_looks_and_outlive_the_service() {
         // By random pictures no unit is meant for sure.
         let (found, _) = find(&cli, "the carburettor").await;
         assert_ne!(found, Outcome::Match);
+
+        // A picture is compared with the pictures of all units, and is a question even if it is one of them.
+        let view = ViewsRequest { unit: "sac".to_owned(), count: 1, pictures: true, ..ViewsRequest::default() };
+        let view = cli.ask(&keys::LABELING_VIEWS, &view, &soon()).await.unwrap().views.remove(0);
+        let request = |picture: &[u8]| FindRequest { picture: picture.to_vec(), ..FindRequest::default() };
+        let alike = cli.ask(&keys::LABELING_FIND, &request(&view.picture), &soon()).await.unwrap();
+        assert_eq!((alike.outcome(), alike.units.len()), (Outcome::Ambiguous, 3), "{alike:?}");
+        for found in &alike.units {
+            assert!(
+                found.inferred && found.explanation.starts_with("pictures: alike by clip-gelu (cosine "),
+                "{alike:?}"
+            );
+        }
+        assert!(alike.units.windows(2).all(|pair| pair[0].score >= pair[1].score), "{alike:?}");
+        let damaged = cli.ask(&keys::LABELING_FIND, &request(&view.picture[..40]), &soon()).await.unwrap_err();
+        assert!(damaged.code == Code::InvalidArgument && damaged.message.contains("PNG"), "{damaged}");
     })
     .unwrap();
 }

@@ -11,6 +11,7 @@ pub mod proposals;
 pub mod query;
 pub mod region;
 pub mod relation;
+pub mod retrieval;
 pub mod text;
 pub mod views;
 pub mod wordnet;

@@ -142,5 +142,9 @@ async fn refuses(stage: &Stage<'_>) -> Result<(), String> {
     let long = FindRequest { text: "a".repeat(513), ..FindRequest::default() };
     let reply = stage.cli.ask(&keys::LABELING_FIND, &long, &soon()).await;
     let code = reply.as_ref().err().map(|fault| fault.code);
-    hold(code == Some(Code::InvalidArgument), || format!("a text of 513 bytes: {reply:?}"))
+    hold(code == Some(Code::InvalidArgument), || format!("a text of 513 bytes: {reply:?}"))?;
+    let both = FindRequest { text: "the sac".to_owned(), picture: vec![0; 8], ..FindRequest::default() };
+    let reply = stage.cli.ask(&keys::LABELING_FIND, &both, &soon()).await;
+    let code = reply.as_ref().err().map(|fault| fault.code);
+    hold(code == Some(Code::InvalidArgument), || format!("a text and a picture: {reply:?}"))
 }

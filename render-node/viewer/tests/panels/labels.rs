@@ -285,14 +285,18 @@ fn a_failed_question_for_views_says_why() {
 #[test]
 fn the_state_of_the_service_is_told() {
     let mut panel = labels();
-    let mut state = State { method: "labels and looks".to_owned(), pending: 2, ..State::default() };
+    let mut state = State { method: "labels and looks".to_owned(), units: 5, pending: 2, ..State::default() };
     state.embedded = ["sac", "neck", "vessel"].map(str::to_owned).to_vec();
     let tells = state.clone();
     told(&mut panel, |labeling| labeling.state = Some(Arc::new(tells)));
     assert!(is_there(&panel, "Labels and looks") && panel.query_by_label_contains("embedded").is_none());
     state.image_encoder = "a small image encoder".to_owned();
-    told(&mut panel, |labeling| labeling.state = Some(Arc::new(state)));
+    let tells = state.clone();
+    told(&mut panel, |labeling| labeling.state = Some(Arc::new(tells)));
     assert!(is_there(&panel, "pictures: 3 of 5 units embedded"));
+    state.embedded_regions = 12;
+    told(&mut panel, |labeling| labeling.state = Some(Arc::new(state)));
+    assert!(is_there(&panel, "pictures: 3 of 5 units embedded, and 12 parts"));
 }
 
 #[test]

@@ -24,7 +24,7 @@ const FOCUS: [&str; 2] = ["it", "them"];
 /// Pronouns for the selection, and for the units of the last command where nothing is selected.
 const SELECTION: [&str; 6] = ["this", "that", "these", "those", "this one", "that one"];
 /// Words before what something is like.
-const LIKE: [&str; 3] = ["like", "similar to", "resembling"];
+const LIKE: [&str; 4] = ["like", "similar to", "resembling", "resemble"];
 
 /// Unknown names of a clause that a model may resolve. A unit to delete needs its exact name, so such clauses have
 /// none.
@@ -151,6 +151,7 @@ mod tests {
         let focused = State { focus: vec!["sac".into(), "gone".into()], ..state() };
         assert_eq!(searched("things like it", &focused), "things like sac");
         assert_eq!(searched("others similar to this one", &focused), "others similar to sac");
+        assert_eq!(searched("parts that resemble it", &focused), "parts that resemble sac");
         let selection = Some(sg_proto::scene::Selection { count: 3, ..Default::default() });
         let selected = State { selection, ..focused.clone() };
         assert_eq!(searched("things like it", &selected), "things like sac");

@@ -30,6 +30,7 @@ use crate::embedding_cache::EmbeddingCache;
 use crate::label_encoder::LabelEncoder;
 use crate::measured_units::{MeasuredUnits, Units, labelled};
 use crate::params::Params;
+use crate::picture_query;
 use crate::region_proposals::{RegionProposals, may_be_region};
 use crate::unit_embeddings::UnitEmbeddings;
 use crate::viewer::{Viewer, ViewsMessage};
@@ -200,7 +201,7 @@ async fn encode_labels(encoder: Arc<LabelEncoder>, mut labels: watch::Receiver<V
 
 /// Requests to the labeler.
 enum Message {
-    /// Finds the units that a text means.
+    /// Finds the units that a text or a picture means.
     Find { request: labeling::FindRequest, context: Context, reply: Reply<labeling::FindReply> },
     /// Describes a unit or the selection.
     Describe { request: labeling::DescribeRequest, context: Context, reply: Reply<labeling::DescribeReply> },
@@ -298,9 +299,16 @@ impl Labeler {
             let found = request.text.len();
             return Err(Fault::invalid(format!("the text has {found} bytes; the limit is {MAX_TEXT_BYTES}")));
         }
+        if !(request.text.is_empty() || request.picture.is_empty()) {
+            return Err(Fault::invalid("a text and a picture are given; ask for one of them at a time"));
+        }
         let state = self.state_at(request.at_least_revision, context).await?;
-        let (mut reply, may_be_region) = tokio::task::block_in_place(|| {
+        let found: Result<_, Fault> = tokio::task::block_in_place(|| {
             let units = self.measured(&state)?;
+            if !request.picture.is_empty() {
+                let found = picture_query::find(&request.picture, &units.names, self.embeddings.as_deref())?;
+                return Ok((wire::encode(found, &units), false));
+            }
             let encoder = self.encoder.as_ref().map(|encoder| encoder.labelled(&units.names));
             let pictures = self.embeddings.as_ref().map(|embeddings| embeddings.of(&units.names));
             let selection = || self.selection(&state);
@@ -311,8 +319,9 @@ impl Labeler {
             };
             let outcome = units.queryable.find_by(&request.text, context);
             let may_be_region = request.regions && may_be_region(&outcome, self.embeddings.is_some());
-            Ok::<_, Fault>((wire::encode(outcome, &units), may_be_region))
-        })?;
+            Ok((wire::encode(outcome, &units), may_be_region))
+        });
+        let (mut reply, may_be_region) = found?;
         if may_be_region && let Some(regions) = self.regions.of(&state, context).await {
             let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
             let embeddings = self.embeddings.as_deref();

@@ -21,7 +21,7 @@ use crate::region_views::RegionViewsError;
 use crate::unit_embeddings::{Fused, UnitEmbeddings};
 
 /// Most units that are embedded. Words alone speak for the others.
-const MAX_UNITS: usize = 256;
+pub(crate) const MAX_UNITS: usize = 256;
 /// Most Gaussians of a unit that is embedded: drawing more would take a minute.
 const MAX_GAUSSIANS: usize = 1_000_000;
 /// Time without a change of the scene after which units are embedded.
@@ -57,7 +57,7 @@ enum Embedded {
 
 /// Why an embedding was not made.
 #[derive(Debug, thiserror::Error)]
-enum EmbeddingProblem {
+pub(crate) enum EmbeddingProblem {
     #[error(transparent)]
     Edit(#[from] EditError),
     #[error(transparent)]
@@ -80,10 +80,11 @@ impl EmbeddingProblem {
 }
 
 /// The region of a unit, and the name of its embedding.
-struct Prepared {
-    alone: Scene,
-    edge: f64,
-    key: blake3::Hash,
+pub(crate) struct Prepared {
+    pub(crate) alone: Scene,
+    /// The longest edge of the scene.
+    pub(crate) edge: f64,
+    pub(crate) key: blake3::Hash,
 }
 
 /// Embeds units one after another.
@@ -296,7 +297,11 @@ async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) 
     tokio::task::spawn_blocking(work).await.map_err(|_| EmbeddingProblem::BrokeOff)
 }
 
-fn prepare(
+/// The region of a unit as a state has it.
+///
+/// # Errors
+/// [`EmbeddingProblem`] for a unit that is too large, or whose Gaussians could not be collected.
+pub(crate) fn prepare(
     placed: &PlacedScene,
     state: &EditState,
     members: &Mask,

@@ -1,4 +1,4 @@
-//! `supergaussian-labeling`: finds the units of a scene that a text means, offline and as a process of a session.
+//! `supergaussian-labeling`: finds the units of a scene that a text or a picture means, offline and as a process of a session.
 
 mod actor;
 mod cli;
@@ -6,10 +6,13 @@ mod embedder;
 mod embedding_cache;
 mod label_encoder;
 mod measured_units;
+mod offline_scene;
 mod params;
 mod picture_encoder;
+mod picture_query;
 mod region_proposals;
 mod region_views;
+mod retrieval;
 mod unit_embeddings;
 mod viewer;
 mod wire;

@@ -49,13 +49,25 @@ impl Default for Params {
     }
 }
 
-fn precision<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Precision, D::Error> {
-    match String::deserialize(deserializer)?.as_str() {
+/// The precision of weights by its name.
+pub(crate) fn precision_of(text: &str) -> Result<Precision, String> {
+    match text {
         "f32" => Ok(Precision::F32),
         "f16" => Ok(Precision::F16),
         "int8" => Ok(Precision::Int8),
-        other => Err(de::Error::custom(format!("`image_precision` is `{other}`; it must be f32, f16 or int8"))),
+        other => Err(format!("`{other}` is no precision; it must be f32, f16 or int8")),
     }
+}
+
+/// A number of pictures of a unit.
+pub(crate) fn views_of(text: &str) -> Result<usize, String> {
+    let views = text.parse::<usize>().ok().filter(|views| (1..=MAX_VIEWS).contains(views));
+    views.ok_or_else(|| format!("it must be a number from 1 to {MAX_VIEWS}"))
+}
+
+fn precision<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Precision, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    precision_of(&text).map_err(|problem| de::Error::custom(format!("`image_precision`: {problem}")))
 }
 
 fn views<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
@@ -104,5 +116,8 @@ mod tests {
             let error = of(params).unwrap_err();
             assert!(error.contains(problem), "{error}");
         }
+        assert_eq!((views_of("12"), precision_of("f16")), (Ok(12), Ok(Precision::F16)));
+        assert!([views_of("13"), views_of("0"), views_of("-1"), views_of("")].iter().all(Result::is_err));
+        assert!(precision_of("F32").is_err());
     }
 }

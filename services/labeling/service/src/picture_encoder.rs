@@ -7,10 +7,11 @@ use sg_encoders::{Embedding, EncoderError, ImageEncoder as _, ImageTextModel, Pi
 use sg_encoders::{EmbeddingError, Precision};
 use sg_input::file;
 use sg_labeling::frame::Frame;
+use sg_raster::image::Image;
 use sg_raster::render::{Quality, render};
 use sg_scene::model::Scene;
 
-use crate::region_views::{BestViews, RegionViewsError, ViewsOptions};
+use crate::region_views::{BestViews, RegionViewsError, ViewOrder, ViewsOptions};
 
 /// Side of the pictures by which views are chosen.
 const CHOICE_PIXELS: u32 = 128;
@@ -130,16 +131,24 @@ impl PictureEncoder {
         edge: f64,
         between: &dyn Fn() -> Result<(), RegionViewsError>,
     ) -> Result<RegionEmbedding, PictureError> {
+        self.encode_region_by(ViewOrder::default(), alone, edge, between)
+    }
+
+    /// As [`PictureEncoder::encode_region`], of the views that are best by some order. [`PictureEncoder::key`] names the embedding
+    /// of the usual order alone.
+    ///
+    /// # Errors
+    /// [`PictureError`].
+    pub(crate) fn encode_region_by(
+        &self,
+        order: ViewOrder,
+        alone: Scene,
+        edge: f64,
+        between: &dyn Fn() -> Result<(), RegionViewsError>,
+    ) -> Result<RegionEmbedding, PictureError> {
         let start = std::time::Instant::now();
-        let form = sg_labeling::entropy::EntropyForm::Normalized;
-        let options = ViewsOptions { count: self.views, pixels: CHOICE_PIXELS, form, pictures: false };
-        let best = BestViews::of(alone, (edge, &Frame::XYZ), options, between)?;
         let mut pictures = Vec::with_capacity(self.views);
-        for (view, _) in best.chosen() {
-            between()?;
-            let camera = view.camera(PICTURE_PIXELS, PICTURE_PIXELS);
-            let image =
-                render(&best.alone, &best.look, &camera, Quality::Standard).map_err(RegionViewsError::from)?.image;
+        for image in self.draw(order, alone, edge, between)? {
             let (width, height) = (image.width as usize, image.height as usize);
             pictures.push(RgbImage::new(width, height, Pixels::Bytes(image.rgb8()))?);
         }
@@ -150,6 +159,37 @@ impl PictureEncoder {
         let embedding = mean(&embeddings)?;
         let encode_ms = (start.elapsed() - drawn).as_secs_f64() * 1e3;
         Ok(RegionEmbedding { embedding, views: embeddings.len(), render_ms: drawn.as_secs_f64() * 1e3, encode_ms })
+    }
+
+    /// The pictures of a region that are encoded, the best view first.
+    ///
+    /// # Errors
+    /// [`RegionViewsError`].
+    pub(crate) fn draw(
+        &self,
+        order: ViewOrder,
+        alone: Scene,
+        edge: f64,
+        between: &dyn Fn() -> Result<(), RegionViewsError>,
+    ) -> Result<Vec<Image>, RegionViewsError> {
+        let options = ViewsOptions { count: self.views, pixels: CHOICE_PIXELS, order, pictures: false };
+        let best = BestViews::of(alone, (edge, &Frame::XYZ), options, between)?;
+        let mut pictures = Vec::with_capacity(self.views);
+        for (view, _) in best.chosen() {
+            between()?;
+            let camera = view.camera(PICTURE_PIXELS, PICTURE_PIXELS);
+            pictures.push(render(&best.alone, &best.look, &camera, Quality::Standard)?.image);
+        }
+        Ok(pictures)
+    }
+
+    /// The embedding of one picture of anything.
+    ///
+    /// # Errors
+    /// [`PictureError`] for weights that give no direction.
+    pub(crate) fn encode_picture(&self, picture: &RgbImage) -> Result<Embedding, PictureError> {
+        let encoded = self.model.encode_images(std::slice::from_ref(picture))?.pop();
+        encoded.ok_or(PictureError::Mean(EmbeddingError::Empty))
     }
 
     /// Embeddings of texts, as captions of pictures.

@@ -26,7 +26,7 @@ use crate::measured_units::{looks_alike, measure};
 use crate::unit_embeddings::{Compared, UnitEmbeddings};
 
 /// Most regions that a text is compared with.
-const MAX_REGIONS: u32 = 64;
+const MAX_REGIONS: u32 = 128;
 /// Most regions of one reply.
 const MAX_PROPOSED: usize = 4;
 /// Most bytes of the masks of one reply. The first mask of any scene fits.
@@ -161,7 +161,7 @@ pub(crate) fn may_be_region(outcome: &Outcome, has_pictures: bool) -> bool {
     match why {
         Why::NoSuchLook { noun, .. } => noun.is_empty() || has_pictures,
         Why::NoSuchLabel(_) | Why::NoItems => has_pictures,
-        Why::NoWords | Why::AllExcluded | Why::NothingSelected | Why::NothingAlike(_) => false,
+        Why::NoWords | Why::NoPictures | Why::AllExcluded | Why::NothingSelected | Why::NothingAlike(_) => false,
     }
 }
 

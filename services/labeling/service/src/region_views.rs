@@ -39,12 +39,27 @@ const DEVIATIONS: f64 = 2.0;
 /// Least angle between two views of a reply, degrees.
 const APART: f64 = 30.0;
 
+/// What the views of a region are ordered by, on pictures of the region alone. The greatest comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ViewOrder {
+    /// An entropy of the opacity.
+    Entropy(EntropyForm),
+    /// The share of the picture that the region covers.
+    VisibleArea,
+}
+
+impl Default for ViewOrder {
+    fn default() -> Self {
+        Self::Entropy(EntropyForm::Normalized)
+    }
+}
+
 /// Options of a request for views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewsOptions {
     pub(crate) count: usize,
     pub(crate) pixels: u32,
-    pub(crate) form: EntropyForm,
+    pub(crate) order: ViewOrder,
     /// Whether the pictures are in the reply.
     pub(crate) pictures: bool,
 }
@@ -110,7 +125,8 @@ impl ViewsOptions {
             labeling::EntropyForm::Unspecified | labeling::EntropyForm::Normalized => EntropyForm::Normalized,
             labeling::EntropyForm::Literal => EntropyForm::Literal,
         };
-        Ok(Self { count: count as usize, pixels, form, pictures: request.pictures })
+        let order = ViewOrder::Entropy(form);
+        Ok(Self { count: count as usize, pixels, order, pictures: request.pictures })
     }
 }
 
@@ -155,9 +171,10 @@ impl BestViews {
         let pictures = pictures?;
         let scores: Vec<f64> = pictures
             .iter()
-            .map(|picture| match options.form {
-                EntropyForm::Normalized => picture.entropy,
-                EntropyForm::Literal => picture.literal,
+            .map(|picture| match options.order {
+                ViewOrder::Entropy(EntropyForm::Normalized) => picture.entropy,
+                ViewOrder::Entropy(EntropyForm::Literal) => picture.literal,
+                ViewOrder::VisibleArea => picture.area,
             })
             .collect();
         let chosen = choose(&views, &scores, options.count, APART)?;
@@ -271,7 +288,8 @@ mod tests {
 
     use super::*;
 
-    const USUAL: ViewsOptions = ViewsOptions { count: 4, pixels: 64, form: EntropyForm::Normalized, pictures: false };
+    const USUAL: ViewsOptions =
+        ViewsOptions { count: 4, pixels: 64, order: ViewOrder::Entropy(EntropyForm::Normalized), pictures: false };
 
     fn views(scene: &Scene, members: &Mask, options: ViewsOptions) -> labeling::ViewsReply {
         let state = EditState::of_scene(scene, "", "");
@@ -292,10 +310,31 @@ mod tests {
         for scale in &mut scene.units[0].gaussians.log_scale {
             *scale = Vec3::splat(scale.min_element());
         }
-        for form in [EntropyForm::Normalized, EntropyForm::Literal] {
-            let found = views(&scene, &Mask::full(scene.len()), ViewsOptions { form, ..USUAL });
+        let entropies = [EntropyForm::Normalized, EntropyForm::Literal].map(ViewOrder::Entropy);
+        for order in entropies.into_iter().chain([ViewOrder::VisibleArea]) {
+            let found = views(&scene, &Mask::full(scene.len()), ViewsOptions { order, ..USUAL });
             let up = direction(&found.views[0]).y.abs();
-            assert!(up > 0.7, "{form:?}: {up}, {found:?}");
+            assert!(up > 0.7, "{order:?}: {up}, {found:?}");
+        }
+    }
+
+    #[test]
+    fn views_fall_by_what_orders_them() {
+        let scene = test_scene(&[("bone", 300), ("skin", 900)]);
+        let state = EditState::of_scene(&scene, "", "");
+        let bone = state.members(UnitRef::Base(0));
+        assert_eq!(ViewOrder::default(), USUAL.order);
+        let measure = |order: ViewOrder, view: &labeling::RegionView| match order {
+            ViewOrder::Entropy(EntropyForm::Normalized) => view.entropy,
+            ViewOrder::Entropy(EntropyForm::Literal) => view.literal_entropy,
+            ViewOrder::VisibleArea => view.visible_area,
+        };
+        for order in [ViewOrder::default(), ViewOrder::Entropy(EntropyForm::Literal), ViewOrder::VisibleArea] {
+            let all = views(&scene, &bone, ViewsOptions { count: 32, order, ..USUAL });
+            let best = all.views.iter().map(|view| measure(order, view)).fold(f64::NEG_INFINITY, f64::max);
+            let few = views(&scene, &bone, ViewsOptions { order, ..USUAL });
+            assert_eq!(measure(order, &few.views[0]), best, "{order:?}");
+            assert!(few.views.windows(2).all(|pair| measure(order, &pair[0]) >= measure(order, &pair[1])), "{order:?}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! The embeddings of a scene's units: which are there, and how near a text is to each.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use sg_encoders::{Embedding, EmbeddingError, Fusion, RIDGE, adapted, fuse};
 use sg_labeling::meaning::BACKGROUND;
@@ -47,13 +47,22 @@ struct UnitEmbedding {
 
 /// Embeddings of the units of a scene, by their names.
 pub(crate) struct UnitEmbeddings {
-    encoder: PictureEncoder,
+    encoder: Arc<PictureEncoder>,
     fusion: FusionChoice,
     /// Whether an adapter is fitted on the units.
     adapts: bool,
     /// Embeddings of words of all kinds.
     background: Vec<Embedding>,
     known: Mutex<HashMap<String, UnitEmbedding>>,
+}
+
+/// How near a text is to a unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Nearness {
+    /// Cosine of the text's embedding with the unit's, −1 to 1.
+    pub(crate) cosine: f32,
+    /// Probability of the text among texts of all kinds, 0 to 1.
+    pub(crate) share: f64,
 }
 
 /// The embedding of a unit was fused.
@@ -69,7 +78,25 @@ impl UnitEmbeddings {
     /// [`PictureError`] if the model cannot encode texts.
     pub(crate) fn new(encoder: PictureEncoder, fusion: FusionChoice, adapts: bool) -> Result<Self, PictureError> {
         let background = encoder.encode_texts(&BACKGROUND)?;
-        Ok(Self { encoder, fusion, adapts, background, known: Mutex::default() })
+        Ok(Self { encoder: Arc::new(encoder), fusion, adapts, background, known: Mutex::default() })
+    }
+
+    /// The same units by the same model, fused in another way. Later changes of either are not seen by the other.
+    ///
+    /// # Errors
+    /// [`EmbeddingError`] for pictures and a name that are opposite to each other.
+    pub(crate) fn variant(&self, fusion: FusionChoice, adapts: bool) -> Result<Self, EmbeddingError> {
+        let (encoder, background) = (Arc::clone(&self.encoder), self.background.clone());
+        let variant = Self { encoder, fusion, adapts, background, known: Mutex::default() };
+        let mut units = self.known().clone();
+        for unit in units.values_mut() {
+            unit.fused = variant.fused(&unit.pictures, &unit.name)?;
+        }
+        if adapts {
+            variant.adapt(&mut units)?;
+        }
+        *variant.known() = units;
+        Ok(variant)
     }
 
     /// The model.
@@ -131,6 +158,13 @@ impl UnitEmbeddings {
         Compared { embedding, background }
     }
 
+    /// How near a text is to an embedding.
+    fn near(&self, compared: &Compared, text: &Embedding) -> Option<Nearness> {
+        // Embeddings of one model always compare.
+        let cosine = compared.embedding.cosine(text).ok()?;
+        Some(Nearness { cosine, share: self.encoder.share(cosine, &compared.background) })
+    }
+
     /// The shares of a text for some embeddings. `None` if it can't be encoded.
     pub(crate) fn shares<'c>(
         &self,
@@ -139,10 +173,7 @@ impl UnitEmbeddings {
     ) -> Option<PictureShares> {
         let encoded = self.encoder.encode_texts(&[text]);
         let text = encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()?;
-        let share = |compared: Option<&Compared>| {
-            let Compared { embedding, background } = compared?;
-            Some(self.encoder.share(embedding.cosine(&text).ok()?, background))
-        };
+        let share = |compared: Option<&Compared>| Some(self.near(compared?, &text)?.share);
         Some(PictureShares { model: self.encoder.name().to_owned(), units: compared.map(share).collect() })
     }
 
@@ -171,6 +202,21 @@ impl UnitEmbeddings {
             unit.fused = self.fused(pictures, &unit.name)?;
         }
         Ok(())
+    }
+
+    /// How near a text is to each of some units, in their order. `None` for a unit without an embedding.
+    pub(crate) fn nearness(&self, units: &[String], text: &Embedding) -> Vec<Option<Nearness>> {
+        let known = self.known();
+        let near = |unit: &String| self.near(&known.get(unit)?.fused, text);
+        units.iter().map(near).collect()
+    }
+
+    /// The cosines of a picture with the pictures of some units, in their order, whatever their names say. `None` for a unit
+    /// without an embedding.
+    pub(crate) fn picture_cosines(&self, units: &[String], picture: &Embedding) -> Vec<Option<f64>> {
+        let known = self.known();
+        let cosine = |unit: &String| known.get(unit)?.pictures.cosine(picture).ok().map(f64::from);
+        units.iter().map(cosine).collect()
     }
 
     /// The embeddings for the units of a scene, for one query.
@@ -253,6 +299,36 @@ mod tests {
         for (unit, expected) in ["sac", "body"].into_iter().zip(&expected) {
             assert!(fused(unit).cosine(expected).unwrap() > 1.0 - 1e-6, "{unit}");
         }
+    }
+
+    #[test]
+    fn a_variant_has_what_the_same_units_would_have() {
+        let texts = ["a", "b", "c"].map(|text| PictureEncoder::tiny(1).encode_texts(&[text]).unwrap().remove(0));
+        let units = ["sac", "body", "vein"].map(str::to_owned);
+        let filled = |fusion, adapts| {
+            let embeddings = embeddings_that(fusion, adapts);
+            for (unit, pictures) in units.iter().zip(&texts) {
+                embeddings.add(unit, blake3::hash(unit.as_bytes()), pictures).unwrap();
+            }
+            embeddings
+        };
+        let first = filled(FusionChoice::Pictures, false);
+        let text = first.encoder().encode_texts(&["the swollen part"]).unwrap().remove(0);
+        for fusion in [FusionChoice::Normalized, FusionChoice::Unnormalized, FusionChoice::Pictures, FusionChoice::Name]
+        {
+            for adapts in [false, true] {
+                let (found, expected) = (first.variant(fusion, adapts).unwrap(), filled(fusion, adapts));
+                let (found, expected) = (found.nearness(&units, &text), expected.nearness(&units, &text));
+                assert_eq!(found, expected, "{fusion:?} {adapts}");
+                assert!(found.iter().all(Option::is_some));
+            }
+        }
+        let cosines = first.picture_cosines(&["vein".to_owned(), "skull".to_owned()], &texts[2]);
+        assert!(cosines[0].is_some_and(|cosine| cosine > 1.0 - 1e-6) && cosines[1].is_none(), "{cosines:?}");
+        // What is added later to one is not seen by the other.
+        let later = first.variant(FusionChoice::Name, false).unwrap();
+        later.forget("sac");
+        assert!(first.embedded(&units).len() == 3 && later.embedded(&units).len() == 2);
     }
 
     #[test]

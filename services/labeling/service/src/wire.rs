@@ -10,7 +10,7 @@ use crate::measured_units::Units;
 /// Most candidates in a reply.
 const MAX_CANDIDATES: usize = 64;
 
-/// The reply to a text.
+/// The reply to a text or a picture.
 pub(crate) fn encode(outcome: Outcome, units: &Units) -> labeling::FindReply {
     let candidates = |ranked: Vec<Ranked>| {
         let encoded = ranked.into_iter().filter_map(|r| {

@@ -17,9 +17,11 @@
 
 mod outcome;
 mod parse;
+mod picture;
 mod rank;
 
 pub use outcome::{LEAD, Outcome, Ranked, SPREAD, THRESHOLD, Why};
+pub use picture::like_picture;
 
 use crate::attributes::Attributes;
 use crate::attributes::judge::Looks;

@@ -82,7 +82,7 @@ pub enum Outcome {
         /// At least one item.
         items: Vec<Ranked>,
     },
-    /// One of these items; the text does not say which. A single one is likely by its meaning, and not sure.
+    /// One of these items; the text or the picture does not say which. A single one is likely by its meaning, and not sure.
     Ambiguous {
         /// At least one item, the best first.
         candidates: Vec<Ranked>,
@@ -118,6 +118,8 @@ pub enum Why {
     NothingSelected,
     /// No other thing is like this one.
     NothingAlike(String),
+    /// A picture is to be compared with those of the items, and no item has any yet.
+    NoPictures,
 }
 
 impl fmt::Display for Why {
@@ -131,6 +133,7 @@ impl fmt::Display for Why {
             Self::AllExcluded => write!(f, "all that matches is excluded"),
             Self::NothingSelected => write!(f, "nothing is selected"),
             Self::NothingAlike(name) => write!(f, "nothing else is like {name}"),
+            Self::NoPictures => write!(f, "the pictures of the units are not embedded yet"),
         }
     }
 }

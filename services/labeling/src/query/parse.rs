@@ -166,7 +166,7 @@ const NEGATIONS: [&str; 17] = [
 ];
 
 /// Words for what a thing of the same kind is: "things like", "similar to", "that looks like".
-const ALIKE: [&[&str]; 14] = [
+const ALIKE: [&[&str]; 18] = [
     &["that", "looks", "like"],
     &["that", "look", "like"],
     &["which", "looks", "like"],
@@ -180,6 +180,10 @@ const ALIKE: [&[&str]; 14] = [
     &["like"],
     &["similar", "to"],
     &["resembling"],
+    &["that", "resembles"],
+    &["that", "resemble"],
+    &["resembles"],
+    &["resemble"],
     &["alike", "to"],
 ];
 /// Pronouns for what is selected.
@@ -455,6 +459,7 @@ mod tests {
             ("the other parts that look like the sac", (named("the sac"), Several)),
             ("the one like the sac", (named("the sac"), One)),
             ("what looks like the sac", (named("the sac"), Several)),
+            ("parts that resemble the sac", (named("the sac"), Several)),
             ("like the sac", (named("the sac"), Several)),
             ("things like this", (Model::Selection, Several)),
             ("things like this one", (Model::Selection, Several)),

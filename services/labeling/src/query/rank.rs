@@ -312,7 +312,8 @@ pub(super) fn by_words(index: &Index, looks: &Looks, group: &Group, among: Optio
     }
 }
 
-fn unranked(item: usize) -> Ranked {
+/// An item that nothing speaks for yet.
+pub(super) fn unranked(item: usize) -> Ranked {
     Ranked {
         item,
         score: 0.0,

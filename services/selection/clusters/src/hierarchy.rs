@@ -6,15 +6,21 @@
 //! search (Uijlings et al. 2013); the score is that of a normalized cut (Shi and Malik 2000).
 //!
 //! A region stands out where its halves hold together better than it does with its next partner. Its prominence is
-//! 1 − s(next) / s(own).
+//! 1 − s(next) / s(own). Most regions are small. So that large ones are not crowded out, each octave of sizes gives as many.
+//!
+//! A second hierarchy merges by colour alone. A painted part of a smooth surface is a region of it.
 
-use std::cmp::Reverse;
+use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 
 use sprs::CsMatI;
 
 use crate::cluster_graph::{ClusterGraph, Distances, links, typical};
 use crate::creases::CREASE;
+use crate::neighbours::symmetric;
+
+/// Least difference of colours between neighbours for a hierarchy by colour.
+const LEAST_COLOR_STEP: f64 = 0.05;
 
 /// Difference of mean colours in Oklab at which a weight falls to 1/e. Eyes tell such colours apart at once.
 pub const COLOR_SCALE: f64 = 0.1;
@@ -37,6 +43,14 @@ pub struct HierarchyOptions {
 impl Default for HierarchyOptions {
     fn default() -> Self {
         Self { sigma_s: 1.0, sigma_f: 1.0, crease: Some(CREASE), least: 0.002, most: 0.9 }
+    }
+}
+
+impl HierarchyOptions {
+    /// The options of a hierarchy by colour alone.
+    #[must_use]
+    pub fn by_color() -> Self {
+        Self { sigma_s: f64::INFINITY, sigma_f: f64::INFINITY, crease: None, ..Self::default() }
     }
 }
 
@@ -75,8 +89,8 @@ struct Node {
     is_merged: bool,
 }
 
-/// The regions that stand out most, at most `count`, the most prominent first. Any two are nested or apart. `looks` are those of the
-/// clusters of the graph, in their order.
+/// The regions that stand out most at every size, at most `count`, the most prominent first. Any two are nested or apart. `looks` are
+/// those of the clusters of the graph, in their order.
 #[must_use]
 pub fn regions(
     graph: &ClusterGraph,
@@ -91,11 +105,67 @@ pub fn regions(
         }
     }
     let units = graph.units.iter().zip(&of_units);
-    let mut found: Vec<ClusterRegion> = units.flat_map(|(edges, ids)| of_unit(edges, ids, looks, options)).collect();
-    // The order of the clusters settles ties.
-    found.sort_by(|a, b| b.prominence.total_cmp(&a.prominence).then_with(|| a.clusters.cmp(&b.clusters)));
-    found.truncate(count);
+    let found: Vec<SizedRegion> = units.flat_map(|(edges, ids)| of_unit(edges, ids, looks, options)).collect();
+    let mut found = at_every_size(found, count);
+    found.sort_by(by_prominence);
     found
+}
+
+/// The regions of both hierarchies, at most `count`, the most prominent first. Two regions of the same one are nested or apart. A unit
+/// of one colour has no hierarchy by colour.
+#[must_use]
+pub fn diverse_regions(graph: &ClusterGraph, looks: &[ClusterLook], count: usize) -> Vec<ClusterRegion> {
+    let color = |id: u32| looks.get(id as usize).map_or([0.0; 3], |look| look.color);
+    let is_colored = |unit: &CsMatI<Distances, u32>| {
+        links(unit).any(|l| difference_squared(color(l.u), color(l.v)) >= LEAST_COLOR_STEP.powi(2))
+    };
+    let colored = ClusterGraph {
+        clusters: graph.clusters,
+        units: graph.units.iter().map(|unit| if is_colored(unit) { unit.clone() } else { symmetric(0, &[]) }).collect(),
+        component: Vec::new(),
+    };
+    let has_colors = colored.units.iter().any(|unit| unit.nnz() > 0);
+    let first = if has_colors { count.div_ceil(2) } else { count };
+    let mut found = regions(graph, looks, HierarchyOptions::default(), first);
+    if has_colors {
+        let by_color = regions(&colored, looks, HierarchyOptions::by_color(), count - first);
+        let more: Vec<ClusterRegion> =
+            by_color.into_iter().filter(|region| found.iter().all(|f| f.clusters != region.clusters)).collect();
+        found.extend(more);
+        found.sort_by(by_prominence);
+    }
+    found
+}
+
+/// Square of the distance of two colours.
+fn difference_squared(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+}
+
+/// A region with its share in the Gaussians of its base unit.
+struct SizedRegion {
+    region: ClusterRegion,
+    share: f64,
+}
+
+/// The more prominent one first. The order of the clusters settles ties.
+fn by_prominence(a: &ClusterRegion, b: &ClusterRegion) -> Ordering {
+    b.prominence.total_cmp(&a.prominence).then_with(|| a.clusters.cmp(&b.clusters))
+}
+
+/// As many regions of each octave of sizes as there are, up to `count` together, the most prominent ones of each.
+fn at_every_size(found: Vec<SizedRegion>, count: usize) -> Vec<ClusterRegion> {
+    let mut octaves: BTreeMap<i32, Vec<ClusterRegion>> = BTreeMap::new();
+    for SizedRegion { region, share } in found {
+        octaves.entry(share.log2().floor() as i32).or_default().push(region);
+    }
+    let mut ranked: Vec<(usize, ClusterRegion)> = Vec::new();
+    for mut octave in octaves.into_values() {
+        octave.sort_by(by_prominence);
+        ranked.extend(octave.into_iter().enumerate());
+    }
+    ranked.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| by_prominence(&a.1, &b.1)));
+    ranked.into_iter().take(count).map(|(_, region)| region).collect()
 }
 
 /// The regions of a base unit with the clusters `ids`, ascending.
@@ -104,7 +174,7 @@ fn of_unit(
     ids: &[u32],
     looks: &[ClusterLook],
     options: HierarchyOptions,
-) -> Vec<ClusterRegion> {
+) -> Vec<SizedRegion> {
     let tree = merged(edges, ids, looks, options);
     let all: u64 = tree.iter().take(ids.len()).map(|node| node.gaussians).sum();
     let share = |node: &Node| node.gaussians as f64 / all.max(1) as f64;
@@ -114,11 +184,12 @@ fn of_unit(
     };
     let region = |(at, node): (usize, &Node)| {
         let held = if node.own > 0.0 { node.next / node.own } else { node.next };
-        ClusterRegion {
+        let region = ClusterRegion {
             clusters: leaves(&tree, at).into_iter().filter_map(|leaf| ids.get(leaf).copied()).collect(),
             gaussians: node.gaussians,
             prominence: (1.0 - held).clamp(0.0, 1.0),
-        }
+        };
+        SizedRegion { region, share: share(node) }
     };
     tree.iter().enumerate().filter(is_region).map(region).collect()
 }
@@ -204,7 +275,7 @@ fn weights(edges: &CsMatI<Distances, u32>, looks: &[ClusterLook], options: Hiera
     let existing = links(edges).filter_map(|l| Some((l, existing(l.u)?, existing(l.v)?)));
     let edges = existing.map(|(l, a, b)| {
         let Distances { length, feature, crease } = l.distances;
-        let difference: f64 = a.color.iter().zip(b.color).map(|(a, b)| (a - b).powi(2)).sum();
+        let difference = difference_squared(a.color, b.color);
         let bent = options.crease.map_or(0.0, |kappa| term(crease, kappa));
         let exponent = term(length, s) + term(feature, f) + bent + difference / COLOR_SCALE.powi(2);
         (l.u, l.v, (-exponent).exp())
@@ -230,7 +301,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::neighbours::symmetric;
 
     fn graph(clusters: usize, edges: &[(u32, u32, f64)]) -> ClusterGraph {
         let entry = |(u, v, length): &(u32, u32, f64)| (*u, *v, Distances { length: *length, ..Distances::default() });
@@ -289,6 +359,24 @@ mod tests {
     }
 
     #[test]
+    fn colors_alone_make_regions_across_creases() {
+        // A ring whose every edge is long but one. Its red half crosses long edges.
+        let lengths = [1.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0];
+        let edges: Vec<_> = lengths.iter().zip(0..).map(|(l, i)| (i, (i + 1) % 8, *l)).collect();
+        let edges: Vec<_> = edges.into_iter().map(|(u, v, l): (u32, u32, f64)| (u.min(v), u.max(v), l)).collect();
+        let graph = graph(8, &edges);
+        let mut colors = [[0.6, 0.0, 0.0]; 8];
+        let plain = diverse_regions(&graph, &looks(&colors), 64);
+        assert_eq!(plain, regions(&graph, &looks(&colors), HierarchyOptions::default(), 64));
+        colors[1..5].fill([0.6, 0.2, 0.1]);
+        let found = diverse_regions(&graph, &looks(&colors), 64);
+        let red = found.iter().find(|region| region.clusters == [1, 2, 3, 4]).unwrap();
+        assert!(red.prominence > 0.9 && found.len() <= 64, "{found:?}");
+        let distinct: std::collections::BTreeSet<_> = found.iter().map(|region| &region.clusters).collect();
+        assert_eq!(distinct.len(), found.len());
+    }
+
+    #[test]
     fn regions_without_contact_stand_out_most_and_empty_clusters_have_none() {
         let graph = graph(7, &[(0, 1, 1.0), (2, 3, 1.0), (4, 5, 1.0)]);
         let mut looks = looks(&[[0.0; 3]; 7]);
@@ -298,6 +386,28 @@ mod tests {
         assert_eq!(clusters, [vec![0, 1], vec![2, 3], vec![4], vec![6]].map(|clusters| (clusters, 1.0)));
         assert_eq!(regions(&graph, &looks, HierarchyOptions::default(), 1).len(), 1);
         assert!(regions(&graph, &[], HierarchyOptions::default(), 9).is_empty());
+    }
+
+    #[test]
+    fn every_size_has_its_regions() {
+        let sized = |clusters: &[u32], share, prominence| {
+            let region = ClusterRegion { clusters: clusters.to_vec(), gaussians: 1, prominence };
+            SizedRegion { region, share }
+        };
+        let all = || {
+            vec![
+                sized(&[0], 0.01, 0.9),
+                sized(&[1], 0.011, 0.8),
+                sized(&[2], 0.012, 0.95),
+                sized(&[3, 4], 0.4, 0.1),
+                sized(&[5, 6], 0.3, 0.2),
+            ]
+        };
+        let kept = |count| {
+            let kept = at_every_size(all(), count);
+            kept.iter().map(|region| region.clusters[0]).collect::<Vec<_>>()
+        };
+        assert_eq!((kept(2), kept(3), kept(9)), (vec![2, 5], vec![2, 5, 0], vec![2, 5, 0, 3, 1]));
     }
 
     proptest! {

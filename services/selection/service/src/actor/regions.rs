@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use sg_clusters::hierarchy::{ClusterLook, HierarchyOptions, regions};
+use sg_clusters::hierarchy::{ClusterLook, diverse_regions};
 use sg_edit::EditState;
 use sg_proto::selection;
 use sg_runtime::fault::Fault;
@@ -26,7 +26,7 @@ impl Selector {
         }
         let state = self.local_state();
         let (scene, clustered, graph) = self.places.contacts(&state);
-        let found = regions(&graph, &looks(&scene, &clustered, &state), HierarchyOptions::default(), count as usize);
+        let found = diverse_regions(&graph, &looks(&scene, &clustered, &state), count as usize);
         if let Err(error) = self.labels.update(&state, &clustered.clustering.labels) {
             return Err(Fault::internal(format!("the Super-Gaussians could not be written: {error}")));
         }
