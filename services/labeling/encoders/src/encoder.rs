@@ -3,6 +3,7 @@
 use crate::embedding::Embedding;
 use crate::error::EncoderError;
 use crate::image::RgbImage;
+use crate::layout::Layout;
 
 /// Embeddings of images.
 pub trait ImageEncoder: Send + Sync {
@@ -26,4 +27,14 @@ pub trait TextEncoder: Send + Sync {
 
     /// Components of an embedding.
     fn dimension(&self) -> usize;
+}
+
+/// Embeddings of images and texts in one space.
+pub trait ImageTextEncoder: ImageEncoder + TextEncoder {
+    /// The layout that the model was read from.
+    fn layout(&self) -> Layout;
+
+    /// The model's own score of a pair by its cosine. For [`Layout::SigLip`], σ of it is the probability that both belong
+    /// together. For the others, a softmax over several texts gives the probability of each.
+    fn logit(&self, cosine: f32) -> f32;
 }

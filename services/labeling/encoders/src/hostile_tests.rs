@@ -12,37 +12,45 @@ use tempfile::TempDir;
 use crate::{EncoderError, ImageTextModel, Precision, SentenceEncoder};
 
 /// A copy of a fixture to damage.
-struct Copy(TempDir);
+pub(crate) struct Copy(TempDir);
 
 impl Copy {
-    fn of(name: &str) -> Self {
+    pub(crate) fn of(name: &str) -> Self {
         let copy = Self(tempfile::tempdir().unwrap());
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
-        for file in fs::read_dir(from).unwrap() {
-            let file = file.unwrap();
-            fs::write(copy.0.path().join(file.file_name()), fs::read(file.path()).unwrap()).unwrap();
+        fs::create_dir(copy.0.path().join("onnx")).unwrap();
+        for folder in ["", "onnx"] {
+            for file in fs::read_dir(from.join(folder)).into_iter().flatten().map(Result::unwrap) {
+                if file.path().is_file() {
+                    fs::copy(file.path(), copy.0.path().join(folder).join(file.file_name())).unwrap();
+                }
+            }
         }
         copy
     }
 
-    fn bytes(&self, file: &str) -> Vec<u8> {
+    pub(crate) fn bytes(&self, file: &str) -> Vec<u8> {
         fs::read(self.0.path().join(file)).unwrap()
     }
 
-    fn write(&self, file: &str, bytes: &[u8]) {
+    pub(crate) fn write(&self, file: &str, bytes: &[u8]) {
         fs::write(self.0.path().join(file), bytes).unwrap();
     }
 
-    fn remove(&self, file: &str) {
+    pub(crate) fn remove(&self, file: &str) {
         fs::remove_file(self.0.path().join(file)).unwrap();
     }
 
     /// Sets a value by its JSON pointer.
-    fn set(&self, file: &str, pointer: &str, value: Value) {
+    pub(crate) fn set(&self, file: &str, pointer: &str, value: Value) {
         let mut all: Value = serde_json::from_slice(&self.bytes(file)).unwrap();
         let (parent, key) = pointer.rsplit_once('/').unwrap();
         all.pointer_mut(parent).unwrap()[key] = value;
         self.write(file, all.to_string().as_bytes());
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
     }
 
     fn open(&self) -> Result<ImageTextModel, EncoderError> {
@@ -59,7 +67,7 @@ impl Copy {
     }
 }
 
-fn one_line(open: impl Fn() -> Option<EncoderError>) -> String {
+pub(crate) fn one_line(open: impl Fn() -> Option<EncoderError>) -> String {
     let began = Instant::now();
     let error = open().unwrap().to_string();
     assert!(began.elapsed() < Duration::from_secs(2), "{error}");
@@ -67,7 +75,7 @@ fn one_line(open: impl Fn() -> Option<EncoderError>) -> String {
     error
 }
 
-fn assert_names(error: &str, parts: &[&str]) {
+pub(crate) fn assert_names(error: &str, parts: &[&str]) {
     assert!(parts.iter().all(|part| error.contains(part)), "{error} lacks one of {parts:?}");
 }
 

@@ -4,22 +4,23 @@ use std::path::Path;
 
 use candle_core::{Device, Tensor};
 use sg_input::file;
-use sg_layers::{Kind, Precision, Weights};
+use sg_layers::{Precision, Weights};
 
 use crate::batches::{embeddings, encode_by_length};
 use crate::config::ImageTextConfig;
 use crate::embedding::Embedding;
-use crate::encoder::{ImageEncoder, TextEncoder};
+use crate::encoder::{ImageEncoder, ImageTextEncoder, TextEncoder};
 use crate::error::EncoderError;
 use crate::image::RgbImage;
 use crate::layout::Layout;
+use crate::logit::Logit;
 use crate::text::TextTower;
 use crate::tokens::TextTokens;
 use crate::vision::VisionTower;
 use crate::{hugging_face, open_clip};
 
 /// Most images in one pass. More of them take memory and no less time for each.
-const IMAGES: usize = 16;
+pub(crate) const IMAGES: usize = 16;
 
 /// A model with an image and a text tower.
 pub struct ImageTextModel {
@@ -27,9 +28,7 @@ pub struct ImageTextModel {
     vision: VisionTower,
     text: TextTower,
     tokens: TextTokens,
-    /// Factor of a cosine, and what is added.
-    scale: f32,
-    bias: f32,
+    logit: Logit,
 }
 
 impl ImageTextModel {
@@ -41,8 +40,8 @@ impl ImageTextModel {
     /// [`EncoderError`] with the file, the place in it and the remedy.
     pub fn open(folder: &Path, precision: Precision) -> Result<Self, EncoderError> {
         let config = read_config(folder)?;
-        let name = if config.layout == Layout::OpenClip { "open_clip_model.safetensors" } else { "model.safetensors" };
-        Self::read(folder, config, Weights::open(&folder.join(name))?, precision)
+        let weights = Weights::open(&folder.join(config.layout.weights_file()))?;
+        Self::read(folder, config, weights, precision)
     }
 
     /// The model that a folder's configuration and tokenizer describe, with random weights in place of trained ones: for
@@ -64,31 +63,13 @@ impl ImageTextModel {
         let tokens = TextTokens::open(&folder.join("tokenizer.json"), config.text.context, config.text.vocabulary)?;
         let vision = VisionTower::read(&mut weights, layout, &config.vision, dimension, precision)?;
         let text = TextTower::read(&mut weights, layout, &config.text, dimension, precision)?;
-        let mut scalar = |name: &str, shape: &[usize]| {
-            weights.values(name, shape, Kind::Shift).map(|values| values.first().copied().unwrap_or_default())
-        };
-        let (scale, bias) = match layout {
-            Layout::SigLip => (scalar("logit_scale", &[1])?, scalar("logit_bias", &[1])?),
-            Layout::Clip | Layout::OpenClip => (scalar("logit_scale", &[])?, 0.0),
-        };
-        Ok(Self { config, vision, text, tokens, scale: scale.exp(), bias })
-    }
-
-    /// The layout that the model was read from.
-    #[must_use]
-    pub fn layout(&self) -> Layout {
-        self.config.layout
-    }
-
-    /// The model's own score of a pair by its cosine. For [`Layout::SigLip`], σ of it is the probability that both belong
-    /// together. For the others, a softmax over several texts gives the probability of each.
-    #[must_use]
-    pub fn logit(&self, cosine: f32) -> f32 {
-        self.scale * cosine + self.bias
+        let logit = Logit::read(&mut weights, layout)?;
+        Ok(Self { config, vision, text, tokens, logit })
     }
 }
 
-fn read_config(folder: &Path) -> Result<ImageTextConfig, EncoderError> {
+/// The configuration of a folder, in the layout that it has.
+pub(crate) fn read_config(folder: &Path) -> Result<ImageTextConfig, EncoderError> {
     let is_there = |name: &str| file::open(&folder.join(name)).is_ok();
     match (is_there("config.json"), is_there("open_clip_config.json")) {
         (true, _) => hugging_face::read_image_text(folder),
@@ -123,10 +104,20 @@ impl ImageEncoder for ImageTextModel {
 
 impl TextEncoder for ImageTextModel {
     fn encode_texts(&self, texts: &[&str]) -> Result<Vec<Embedding>, EncoderError> {
-        encode_by_length(self.tokens.encode(texts)?, |batch| self.text.apply(batch))
+        encode_by_length(self.tokens.encode(texts)?, |batch| embeddings(&self.text.apply(batch)?))
     }
 
     fn dimension(&self) -> usize {
         self.config.dimension
+    }
+}
+
+impl ImageTextEncoder for ImageTextModel {
+    fn layout(&self) -> Layout {
+        self.config.layout
+    }
+
+    fn logit(&self, cosine: f32) -> f32 {
+        self.logit.of(cosine)
     }
 }

@@ -58,6 +58,20 @@ const OPEN_CLIP_BLOCK: BlockNames = BlockNames {
 };
 
 impl Layout {
+    pub(crate) fn config_file(self) -> &'static str {
+        match self {
+            Self::Clip | Self::SigLip => "config.json",
+            Self::OpenClip => "open_clip_config.json",
+        }
+    }
+
+    pub(crate) fn weights_file(self) -> &'static str {
+        match self {
+            Self::Clip | Self::SigLip => "model.safetensors",
+            Self::OpenClip => "open_clip_model.safetensors",
+        }
+    }
+
     pub(crate) fn block(self) -> &'static BlockNames {
         match self {
             Self::Clip | Self::SigLip => &HUGGING_FACE_BLOCK,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use safetensors::SafeTensors;
 
-use crate::encoder::{ImageEncoder, TextEncoder};
+use crate::encoder::{ImageEncoder, ImageTextEncoder, TextEncoder};
 use crate::image::{Pixels, RgbImage};
 use crate::tokens::TextTokens;
 use crate::{Embedding, ImageTextModel, Layout, Precision, SentenceEncoder, hugging_face, open_clip};
@@ -21,7 +21,7 @@ const MODELS: [(&str, Layout); 4] = [
 const BOUND: f32 = 1e-5;
 const IMAGE_SIZES: [(usize, usize); 4] = [(50, 37), (32, 32), (41, 91), (20, 27)];
 
-fn fixtures() -> PathBuf {
+pub(crate) fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
 }
 
@@ -33,18 +33,18 @@ fn test_image((width, height): (usize, usize)) -> RgbImage {
     RgbImage::new(width, height, Pixels::Bytes((0..3 * width * height).map(at).collect())).unwrap()
 }
 
-fn test_images() -> Vec<RgbImage> {
+pub(crate) fn test_images() -> Vec<RgbImage> {
     IMAGE_SIZES.map(test_image).to_vec()
 }
 
-fn texts(folder: &Path) -> Vec<String> {
+pub(crate) fn texts(folder: &Path) -> Vec<String> {
     serde_json::from_slice(&std::fs::read(folder.join("texts.json")).unwrap()).unwrap()
 }
 
-struct Expected(Vec<u8>);
+pub(crate) struct Expected(Vec<u8>);
 
 impl Expected {
-    fn open(folder: &Path) -> Self {
+    pub(crate) fn open(folder: &Path) -> Self {
         Self(std::fs::read(folder.join("expected.safetensors")).unwrap())
     }
 
@@ -54,7 +54,7 @@ impl Expected {
         (tensor.shape().to_vec(), tensor.data().to_vec())
     }
 
-    fn rows(&self, name: &str) -> Vec<Vec<f32>> {
+    pub(crate) fn rows(&self, name: &str) -> Vec<Vec<f32>> {
         let (shape, bytes) = self.bytes(name);
         let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|four| f32::from_le_bytes(*four)).collect();
         values.chunks(shape[1..].iter().product()).map(<[f32]>::to_vec).collect()
@@ -68,7 +68,7 @@ impl Expected {
 }
 
 /// Compares raw outputs, and the cosines of all pairs.
-fn assert_near(name: &str, found: &[Embedding], expected: &[Vec<f32>]) {
+pub(crate) fn assert_near(name: &str, found: &[Embedding], expected: &[Vec<f32>]) {
     assert_eq!(found.len(), expected.len(), "{name}");
     let published: Vec<Embedding> = expected.iter().map(|raw| Embedding::new(raw).unwrap()).collect();
     for (at, (embedding, raw)) in found.iter().zip(expected).enumerate() {
@@ -214,7 +214,7 @@ struct MiniLm {
 
 /// The folder of all-MiniLM-L6-v2 that `ops/models.sh` makes. Without it the test skips, after a message. With
 /// `SUPERGAUSSIAN_REQUIRE_TOOLS=1`, that is a failure.
-fn mini_lm() -> Option<PathBuf> {
+pub(crate) fn mini_lm() -> Option<PathBuf> {
     let cache = directories::ProjectDirs::from("", "", "supergaussian").unwrap().cache_dir().to_owned();
     let folder = cache.join("models/all-MiniLM-L6-v2");
     let found = folder.join("model.safetensors").is_file();

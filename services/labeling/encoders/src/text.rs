@@ -52,12 +52,10 @@ impl TextTower {
 
     /// Embeddings (texts × dimension) of token ids. Each text has at most as many as the context and at least one.
     pub(crate) fn apply(&self, texts: &[Vec<u32>]) -> Result<Tensor, EncoderError> {
-        let longest = texts.iter().map(Vec::len).max().unwrap_or_default();
-        // A causal tower never sees what stands behind the pooled token, so that texts end with the longest one. Another one
-        // was trained on texts filled up to the context, and sees it.
-        let (length, filling, hidden) = match self.pooling {
-            TextPooling::Last { padding } => (self.context, padding, Hidden::Nothing),
-            TextPooling::First(_) | TextPooling::Highest => (longest, 0, Hidden::Later),
+        let (length, filling) = self.pooling.filled(texts, self.context);
+        let hidden = match self.pooling {
+            TextPooling::Last { .. } => Hidden::Nothing,
+            TextPooling::First(_) | TextPooling::Highest => Hidden::Later,
         };
         let batch = Batch { sequences: texts.len(), length };
         let filled =
@@ -75,6 +73,16 @@ impl TextTower {
 }
 
 impl TextPooling {
+    /// The number of tokens that each text is filled up to, and the token that fills.
+    pub(crate) fn filled(self, texts: &[Vec<u32>], context: usize) -> (usize, u32) {
+        match self {
+            // A tower that is not causal was trained on texts filled up to the context, and sees it.
+            Self::Last { padding } => (context, padding),
+            // A causal tower never sees what stands behind the pooled token, so that texts end with the longest one.
+            Self::First(_) | Self::Highest => (texts.iter().map(Vec::len).max().unwrap_or_default(), 0),
+        }
+    }
+
     /// Place of the token whose output is the text's, among `length` with those that fill up.
     fn place(self, ids: &[u32], length: usize) -> usize {
         match self {

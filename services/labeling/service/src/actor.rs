@@ -58,7 +58,7 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
         return Err(StartError::Input(format!("role `{}`: this executable serves `{}`", host.role(), role::LABELING)));
     }
     let params: Params = host.params()?;
-    let encoder = tokio::task::block_in_place(|| LabelEncoder::of(&params.text_encoder));
+    let encoder = tokio::task::block_in_place(|| params.label_encoder());
     let encoder = encoder.map_err(|e| StartError::Input(e.to_string()))?;
     let embeddings = tokio::task::block_in_place(|| params.embeddings());
     let embeddings = embeddings.map_err(|e| StartError::Input(e.to_string()))?;

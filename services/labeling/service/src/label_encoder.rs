@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lru::LruCache;
 use serde::Deserialize;
-use sg_encoders::{Embedding, EncoderError, Precision, SentenceEncoder, TextEncoder as _};
+use sg_encoders::{Embedding, EncoderError, OnnxRuntime, OnnxSentenceEncoder, Precision, SentenceEncoder, TextEncoder};
 use sg_labeling::meaning::{BACKGROUND, Cosines, LabelCosines, described};
 
 /// Model that is used without a parameter, in the user's cache.
@@ -56,10 +56,15 @@ impl From<&str> for EncoderChoice {
 
 /// An encoder with the labels that it has encoded.
 pub(crate) struct LabelEncoder {
-    encoder: SentenceEncoder,
+    encoder: Box<dyn TextEncoder>,
     background: Vec<Embedding>,
     /// Embeddings of each label: of itself, and of its description.
     known: Mutex<LruCache<String, Vec<Embedding>>>,
+}
+
+/// Threads of a graph: as many as there are cores.
+pub(crate) fn threads() -> NonZeroUsize {
+    std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN)
 }
 
 /// The folder of the usual model, if it is there.
@@ -79,16 +84,24 @@ impl LabelEncoder {
     /// # Errors
     /// [`EncoderError`] for a folder that has no readable model.
     pub(crate) fn of(choice: &EncoderChoice) -> Result<Option<Arc<Self>>, EncoderError> {
+        Self::run_by(choice, None)
+    }
+
+    /// As [`LabelEncoder::of`]. With a library of ONNX Runtime, a folder that has a graph is run by it.
+    pub(crate) fn run_by(choice: &EncoderChoice, library: Option<&Path>) -> Result<Option<Arc<Self>>, EncoderError> {
         let folder = match choice {
             EncoderChoice::None => None,
             EncoderChoice::Auto => usual_model(),
             EncoderChoice::Folder(folder) => Some(folder.clone()),
         };
-        folder.map(|folder| Self::open(&folder).map(Arc::new)).transpose()
+        folder.map(|folder| Self::open(&folder, library).map(Arc::new)).transpose()
     }
 
-    fn open(folder: &Path) -> Result<Self, EncoderError> {
-        let encoder = SentenceEncoder::open(folder, Precision::F32)?;
+    fn open(folder: &Path, library: Option<&Path>) -> Result<Self, EncoderError> {
+        let encoder: Box<dyn TextEncoder> = match library.filter(|_| OnnxSentenceEncoder::is_in(folder)) {
+            Some(library) => Box::new(OnnxSentenceEncoder::open(folder, &OnnxRuntime::load(library)?, threads())?),
+            None => Box::new(SentenceEncoder::open(folder, Precision::F32)?),
+        };
         let background = encoder.encode_texts(&BACKGROUND)?;
         Ok(Self { encoder, background, known: Mutex::new(LruCache::new(MAX_LABELS)) })
     }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, de};
-use sg_encoders::Precision;
+use sg_encoders::{EncoderError, OnnxImageTextModel, Precision};
 
-use crate::label_encoder::EncoderChoice;
+use crate::label_encoder::{EncoderChoice, LabelEncoder};
 use crate::picture_encoder::{ImageEncoderChoice, PictureEncoder, PictureError};
 use crate::unit_embeddings::{FusionChoice, UnitEmbeddings};
 
@@ -24,6 +24,8 @@ pub(crate) struct Params {
     /// Precision of its weights: `f32`, `f16` or `int8`.
     #[serde(deserialize_with = "precision")]
     pub(crate) image_precision: Precision,
+    /// Library of ONNX Runtime, which then runs both encoders where their folders have graphs.
+    pub(crate) onnxruntime: Option<PathBuf>,
     /// Pictures of a unit, 1 to 12.
     #[serde(deserialize_with = "views")]
     pub(crate) views: usize,
@@ -41,6 +43,7 @@ impl Default for Params {
             text_encoder: EncoderChoice::default(),
             image_encoder: ImageEncoderChoice::None,
             image_precision: Precision::F32,
+            onnxruntime: None,
             views: 5,
             fusion: FusionChoice::default(),
             adapter: false,
@@ -79,13 +82,28 @@ fn views<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> 
 }
 
 impl Params {
+    /// The sentence encoder that the parameters ask for. `None` without one.
+    ///
+    /// # Errors
+    /// [`EncoderError`] for a folder that has no readable model, or a file that is not ONNX Runtime.
+    pub(crate) fn label_encoder(&self) -> Result<Option<Arc<LabelEncoder>>, EncoderError> {
+        LabelEncoder::run_by(&self.text_encoder, self.onnxruntime.as_deref())
+    }
+
     /// The embeddings that the parameters ask for, none yet. `None` without a model.
     ///
     /// # Errors
-    /// [`PictureError`] for a folder that has no readable model.
+    /// [`PictureError`] for a folder that has no readable model, a file that is not ONNX Runtime, or another precision than f32
+    /// with it.
     pub(crate) fn embeddings(&self) -> Result<Option<Arc<UnitEmbeddings>>, PictureError> {
         let ImageEncoderChoice::Folder(folder) = &self.image_encoder else { return Ok(None) };
-        let encoder = PictureEncoder::open(folder, self.image_precision, self.views)?;
+        let encoder = match &self.onnxruntime {
+            Some(_) if self.image_precision != Precision::F32 => return Err(PictureError::Precision),
+            Some(library) if OnnxImageTextModel::is_in(folder) => {
+                PictureEncoder::open_graphs(folder, library, self.views)?
+            }
+            _ => PictureEncoder::open(folder, self.image_precision, self.views)?,
+        };
         Ok(Some(Arc::new(UnitEmbeddings::new(encoder, self.fusion, self.adapter)?)))
     }
 }
@@ -107,6 +125,11 @@ mod tests {
         assert_eq!(own.image_encoder, ImageEncoderChoice::Folder("/models/clip".into()));
         assert_eq!((own.image_precision, own.views, own.fusion), (Precision::Int8, 3, FusionChoice::Pictures));
         assert!(own.adapter && !usual.adapter);
+        let of_graphs = of(serde_json::json!({
+            "image_encoder": "/models/clip", "image_precision": "f16", "onnxruntime": "/lib/libonnxruntime.so",
+        }));
+        let error = of_graphs.unwrap().embeddings().err().unwrap().to_string();
+        assert!(error.contains("`image_precision` is not f32"), "{error}");
         for (params, problem) in [
             (serde_json::json!({"views": 0}), "`views` is 0; it must be 1 to 12"),
             (serde_json::json!({"image_precision": "f64"}), "it must be f32, f16 or int8"),

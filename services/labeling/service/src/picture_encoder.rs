@@ -3,14 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use sg_encoders::{Embedding, EncoderError, ImageEncoder as _, ImageTextModel, Pixels, RgbImage, TextEncoder as _};
-use sg_encoders::{EmbeddingError, Precision};
+use sg_encoders::{Embedding, EncoderError, ImageTextEncoder, ImageTextModel, Pixels, RgbImage};
+use sg_encoders::{EmbeddingError, OnnxImageTextModel, OnnxRuntime, Precision};
 use sg_input::file;
 use sg_labeling::frame::Frame;
 use sg_raster::image::Image;
 use sg_raster::render::{Quality, render};
 use sg_scene::model::Scene;
 
+use crate::label_encoder::threads;
 use crate::region_views::{BestViews, RegionViewsError, ViewOrder, ViewsOptions};
 
 /// Side of the pictures by which views are chosen.
@@ -25,6 +26,15 @@ const MODEL_FILES: [&str; 6] = [
     "tokenizer.json",
     "model.safetensors",
     "open_clip_model.safetensors",
+];
+/// Files of a model that is run by ONNX Runtime, beside those: graphs, and weights by the usual names.
+const GRAPH_FILES: [&str; 6] = [
+    "onnx/vision_model.onnx",
+    "onnx/vision_model.onnx_data",
+    "onnx/vision_model.onnx.data",
+    "onnx/text_model.onnx",
+    "onnx/text_model.onnx_data",
+    "onnx/text_model.onnx.data",
 ];
 /// First bytes of what a stored embedding is named by. Another version makes other embeddings of the same region.
 const METHOD: &[u8] = b"supergaussian picture embedding 1";
@@ -65,6 +75,11 @@ pub(crate) enum PictureError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// ONNX Runtime was asked for weights that its graphs do not have.
+    #[error(
+        "`image_precision` is not f32, but ONNX Runtime (`onnxruntime`) runs graphs in f32; leave one of the two out"
+    )]
+    Precision,
     /// The embeddings have no mean.
     #[error("the mean of the pictures: {0}")]
     Mean(#[from] EmbeddingError),
@@ -72,7 +87,7 @@ pub(crate) enum PictureError {
 
 /// A model with the name of what it makes.
 pub(crate) struct PictureEncoder {
-    model: ImageTextModel,
+    model: Box<dyn ImageTextEncoder>,
     /// For a person: the folder's last part.
     name: String,
     /// Hash of the model and of how regions are drawn.
@@ -96,8 +111,19 @@ impl PictureEncoder {
     /// # Errors
     /// [`PictureError`] for a folder that has no readable model.
     pub(crate) fn open(folder: &Path, precision: Precision, views: usize) -> Result<Self, PictureError> {
-        let model = ImageTextModel::open(folder, precision)?;
-        let method = method(folder, precision, views)?;
+        let model = Box::new(ImageTextModel::open(folder, precision)?);
+        let method = method(folder, precision, views, None)?;
+        Ok(Self { model, name: name_of(folder), method, views })
+    }
+
+    /// The model of a folder, run by the ONNX Runtime of a file.
+    ///
+    /// # Errors
+    /// [`PictureError`] for a folder that has no readable graphs, or a file that is not this library.
+    pub(crate) fn open_graphs(folder: &Path, library: &Path, views: usize) -> Result<Self, PictureError> {
+        let runtime = OnnxRuntime::load(library)?;
+        let model = Box::new(OnnxImageTextModel::open(folder, &runtime, threads())?);
+        let method = method(folder, Precision::F32, views, Some(&runtime))?;
         Ok(Self { model, name: name_of(folder), method, views })
     }
 
@@ -221,8 +247,8 @@ impl PictureEncoder {
     /// Opens a model with random weights: for measurements of time.
     #[cfg(test)]
     pub(crate) fn random(folder: &Path, views: usize) -> Self {
-        let model = ImageTextModel::with_random_weights(folder, Precision::F32, 1).unwrap();
-        Self { model, name: name_of(folder), method: method(folder, Precision::F32, views).unwrap(), views }
+        let model = Box::new(ImageTextModel::with_random_weights(folder, Precision::F32, 1).unwrap());
+        Self { model, name: name_of(folder), method: method(folder, Precision::F32, views, None).unwrap(), views }
     }
 }
 
@@ -236,12 +262,21 @@ fn name_of(folder: &Path) -> String {
     folder.file_name().map_or_else(|| folder.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Hash of a model's files and of how regions are drawn.
-fn method(folder: &Path, precision: Precision, views: usize) -> Result<blake3::Hash, PictureError> {
+/// Hash of a model's files, of what runs it and of how regions are drawn.
+fn method(
+    folder: &Path,
+    precision: Precision,
+    views: usize,
+    runtime: Option<&OnnxRuntime>,
+) -> Result<blake3::Hash, PictureError> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(METHOD);
     hasher.update(format!("{precision:?} {views} {CHOICE_PIXELS} {PICTURE_PIXELS} {CAPTION}").as_bytes());
-    for name in MODEL_FILES {
+    if let Some(runtime) = runtime {
+        hasher.update(format!("ONNX Runtime {}", runtime.version()).as_bytes());
+    }
+    let graphs: &[&str] = if runtime.is_some() { &GRAPH_FILES } else { &[] };
+    for name in MODEL_FILES.iter().chain(graphs) {
         let path = folder.join(name);
         // A model has some of these files; opening it has read those that it needs.
         let Ok(opened) = file::open(&path) else { continue };
