@@ -7,21 +7,42 @@ use super::output::{DisplayAction, Output};
 use super::panel::{Panel, RoomPlace};
 use super::state::Panels;
 use super::theme;
-use crate::display::{Tools, ViewState};
+use crate::display::{Request, Tools, ViewState};
 
 impl Panel {
-    /// The wrist menu: the brush mode, the answers to a stroke, one step back and forth, the panels, the scene's placement, a
-    /// screenshot, labels.
+    /// The wrist menu: the brush mode, the answers to a stroke, one step back and forth, questions about the selection, the panels, the
+    /// scene's placement, a screenshot, labels.
     pub const WRIST: Self = Self {
         name: "wrist",
         title: "Wrist menu",
         icon: None,
-        size: Vec2::new(340.0, 200.0),
+        size: Vec2::new(340.0, 236.0),
         dock: None,
         place: RoomPlace::Wrist,
         has_content: |_| true,
         draw: Panels::wrist,
     };
+}
+
+/// Sentences about the selection, with the text of their button.
+const ABOUT_SELECTION: [(&str, &str); 2] =
+    [("what is this?", "what is selected?"), ("things like this", LIKE_SELECTION)];
+const LIKE_SELECTION: &str = "find things like this";
+
+/// Asks the agents about the selection, if there is one.
+fn about_selection(ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    if !state.services.agents || state.scene.selection().mask().is_none() {
+        return;
+    }
+    ui.horizontal(|ui| {
+        for (text, sentence) in ABOUT_SELECTION {
+            // Likeness is the labeling service's.
+            let is_offered = sentence != LIKE_SELECTION || state.services.labeling;
+            if is_offered && ui.button(text).clicked() {
+                output.requests.push(Request::Say(sentence.to_owned()));
+            }
+        }
+    });
 }
 
 impl Panels {
@@ -36,6 +57,7 @@ impl Panels {
             if state.services.scene {
                 self.steps_back(ui, state, &mut output);
             }
+            about_selection(ui, state, &mut output);
             ui.horizontal(|ui| {
                 for (action, text) in [
                     (DisplayAction::Panels, "panels"),

@@ -259,6 +259,23 @@ fn without_the_services_their_controls_are_not_there() {
 }
 
 #[test]
+fn the_wrist_menu_asks_about_the_selection() {
+    let mut stage = Stage::new(Panel::WRIST);
+    stage.walk();
+    stage.shown.services.labeling = true;
+    let mut menu = harness(stage);
+    assert!(!menu.state().shown.scene.selection().mask().is_none(), "the walk is committed");
+    for label in ["what is this?", "things like this"] {
+        press(&mut menu, label);
+    }
+    let said: Vec<_> = menu.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
+    let say = |sentence: &str| Request::Say(sentence.to_owned());
+    assert_eq!(said, [say("what is selected?"), say("find things like this")]);
+    let nothing = harness(Stage::new(Panel::WRIST));
+    assert!(nothing.query_by_label("what is this?").is_none(), "nothing is selected");
+}
+
+#[test]
 fn the_wrist_menu_has_modes_steps_back_and_what_its_room_does() {
     let mut stage = Stage::new(Panel::WRIST);
     let mut menu = harness(std::mem::replace(&mut stage, Stage::new(Panel::WRIST)));
