@@ -8,7 +8,8 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_operation::Operation;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{
-    Combine, DeleteGaussians, DuplicateGaussians, RestoreGaussians, SaveUnit, SetView, Target, set_view,
+    Combine, DeleteGaussians, DuplicateGaussians, RestoreGaussians, SaveUnit, Select, SetOperation, SetView, Target,
+    set_view,
 };
 use sg_proto::selection::{AnswerStep, ProposalsReply, StrokesRequest};
 use sg_scene::mask::Mask;
@@ -271,7 +272,11 @@ fn the_wrist_menu_asks_about_the_selection() {
     let said: Vec<_> = menu.state().asked.iter().flat_map(|o| o.requests.clone()).collect();
     let say = |sentence: &str| Request::Say(sentence.to_owned());
     assert_eq!(said, [say("what is selected?"), say("find things like this")]);
-    let nothing = harness(Stage::new(Panel::WRIST));
+    let mut nothing = Stage::new(Panel::WRIST);
+    let none = Select { operation: SetOperation::Replace.into(), ..Select::default() };
+    let cleared = nothing.shown.scene.after(&crate::stage::scene(), Action::Select(none)).unwrap();
+    nothing.shown.scene = Arc::new(cleared);
+    let nothing = harness(nothing);
     assert!(nothing.query_by_label("what is this?").is_none(), "nothing is selected");
 }
 
