@@ -97,7 +97,7 @@ enum Chosen {
     Clause(Box<Clause>, Vec<ResolvedName>),
     /// A name may mean several units.
     Question(String),
-    /// The only name means no unit, but one of these regions.
+    /// A name means no unit, and perhaps one of these regions.
     Regions(String, Vec<ProposedRegion>),
 }
 
@@ -238,13 +238,12 @@ impl FunctionAgent {
         for spoken in unit_choice::unknown_names(clause, state).into_iter().take(MAX_CHOICES) {
             let searched = unit_choice::searched(spoken, state);
             let found = self.labels.find(&searched, state.revision, context).await;
+            let mut regions = Vec::new();
             let mut meant = match found.map_err(|fault| service_fault(role::LABELING, fault))? {
                 Meaning::Units(units) => units,
                 Meaning::Question(question) => return Ok(Chosen::Question(question)),
-                meaning @ (Meaning::Unknown | Meaning::Regions(_)) if is_model_working => {
-                    if let Meaning::Regions(regions) = meaning {
-                        proposed = Some((spoken.to_owned(), regions));
-                    }
+                Meaning::Unknown(proposals) if is_model_working => {
+                    regions = proposals;
                     match self.model_choice(spoken, clause, state, context).await? {
                         ModelChoice::Unit(unit) => vec![unit],
                         ModelChoice::NoUnit => Vec::new(),
@@ -255,11 +254,10 @@ impl FunctionAgent {
                         }
                     }
                 }
-                Meaning::Regions(regions) => {
-                    proposed = Some((spoken.to_owned(), regions));
+                Meaning::Unknown(proposals) => {
+                    regions = proposals;
                     Vec::new()
                 }
-                Meaning::Unknown => Vec::new(),
             };
             // A unit that was chosen in an earlier try may be deleted by now.
             let names = unit_names::all(state);
@@ -268,7 +266,8 @@ impl FunctionAgent {
                 let units: Vec<&str> = meant.iter().map(|name| name.unit.as_str()).collect();
                 chosen = unit_choice::substitute(chosen, spoken, &units);
                 resolved_names.extend(meant);
-                proposed = proposed.filter(|(name, _)| name != spoken);
+            } else if !regions.is_empty() {
+                proposed = Some((spoken.to_owned(), regions));
             }
         }
         if let Some((spoken, regions)) = proposed {

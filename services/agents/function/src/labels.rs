@@ -23,10 +23,8 @@ pub(crate) enum Meaning {
     Units(Vec<ResolvedName>),
     /// One of several units, or none that is like another one; a question or a reason for the person.
     Question(String),
-    /// No unit, but one of these regions that nobody has named, the likeliest first.
-    Regions(Vec<ProposedRegion>),
-    /// No unit, or a session without the service.
-    Unknown,
+    /// No unit, or a session without the service. Perhaps one of these regions that nobody has named, the likeliest first.
+    Unknown(Vec<ProposedRegion>),
 }
 
 /// The labeling service, if the session has one.
@@ -58,7 +56,7 @@ impl Labels {
     /// `Unavailable` or `DeadlineExceeded` where the service is away for longer.
     pub(crate) async fn find(&self, spoken: &str, revision: u64, context: &Context) -> Result<Meaning, Fault> {
         if !self.is_served.load(Ordering::Relaxed) || spoken.len() > MAX_TEXT_BYTES {
-            return Ok(Meaning::Unknown);
+            return Ok(Meaning::Unknown(Vec::new()));
         }
         let request = FindRequest {
             text: spoken.to_owned(),
@@ -72,7 +70,7 @@ impl Labels {
             Err(fault) if matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded) => return Err(fault),
             Err(fault) => {
                 tracing::warn!(%fault, "the labeling service did not resolve a name");
-                return Ok(Meaning::Unknown);
+                return Ok(Meaning::Unknown(Vec::new()));
             }
         };
         Ok(match reply.outcome() {
@@ -82,8 +80,7 @@ impl Labels {
             Outcome::NoMatch if unit_choice::is_alike(spoken) && !reply.reason.is_empty() => {
                 Meaning::Question(resolved_names::refusal(&reply.reason))
             }
-            Outcome::NoMatch if !reply.regions.is_empty() => Meaning::Regions(reply.regions),
-            Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown,
+            Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown(reply.regions),
         })
     }
 

@@ -11,7 +11,6 @@ use sg_edit::{EditState, PlacedScene, Replica};
 use sg_formats::load_verified::load_verified;
 use sg_labeling::attributes::Attributes;
 use sg_labeling::attributes::words::describing;
-use sg_labeling::frame::Frame;
 use sg_labeling::meaning::LabelCosines;
 use sg_labeling::pictures::UnitPictures;
 use sg_labeling::query::QueryContext;
@@ -28,7 +27,7 @@ use tokio::sync::watch;
 use crate::embedder::{Embedder, EmbeddingProgress};
 use crate::embedding_cache::EmbeddingCache;
 use crate::label_encoder::LabelEncoder;
-use crate::measured_units::{MeasuredUnits, Units, labelled};
+use crate::measured_units::{MeasuredUnits, Units, frame_of, labelled};
 use crate::params::Params;
 use crate::picture_query;
 use crate::region_proposals::{RegionProposals, may_be_region};
@@ -323,9 +322,8 @@ impl Labeler {
         });
         let (mut reply, may_be_region) = found?;
         if may_be_region && let Some(regions) = self.regions.of(&state, context).await {
-            let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
             let embeddings = self.embeddings.as_deref();
-            let found = tokio::task::block_in_place(|| regions.find(&request.text, frame, embeddings));
+            let found = tokio::task::block_in_place(|| regions.find(&request.text, frame_of(&state), embeddings));
             reply.regions = found.map_err(|e| Fault::internal(e.to_string()))?;
         }
         Ok(reply)

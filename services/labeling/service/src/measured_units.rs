@@ -54,7 +54,7 @@ impl MeasuredUnits {
         let (refs, names): (Vec<UnitRef>, Vec<String>) =
             labelled(state).map(|(name, unit)| (unit, name.to_owned())).unzip();
         let attributes = self.attributes(state, &refs);
-        let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
+        let frame = frame_of(state);
         let items = names.iter().zip(attributes);
         let items = items.map(|(name, attributes)| Item { label: Some(name.clone()), attributes });
         let queryable = Queryable::new(items, frame)?;
@@ -84,6 +84,11 @@ impl MeasuredUnits {
         self.measured = Some(Measured { of: state.clone(), looks });
         attributes
     }
+}
+
+/// The frame of words such as "left": that of the shared view.
+pub(crate) fn frame_of(state: &EditState) -> Frame {
+    Frame::of_view(&state.view()).unwrap_or(Frame::XYZ)
 }
 
 /// Names of the units that a text can mean, in scene order: base units that still have Gaussians, then saved units.

@@ -16,6 +16,7 @@ use sg_labeling::wordnet::WordNetError;
 use sg_proto::limits::MAX_MESSAGE_BYTES;
 use sg_proto::selection::{ClusterRegion, RegionsRequest};
 use sg_proto::{keys, labeling};
+use sg_raster::structure::labels_of;
 use sg_runtime::blobs::{Blobs, StoredFile};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
@@ -45,11 +46,11 @@ pub(crate) struct Regions {
 }
 
 impl Regions {
-    fn new(placed: &PlacedScene, state: &EditState, labels: &[i32], regions: &[ClusterRegion]) -> Self {
+    fn new(placed: &PlacedScene, state: &EditState, labels: &[u32], regions: &[ClusterRegion]) -> Self {
         let mut members: Vec<Vec<usize>> = Vec::new();
         for (gaussian, label) in labels.iter().enumerate() {
-            let Ok(cluster) = usize::try_from(*label) else { continue };
-            // Clusters have fewer ids than there are Gaussians.
+            let cluster = *label as usize;
+            // Clusters have fewer ids than there are Gaussians, and the label of none is greater.
             if cluster >= labels.len() || state.deleted().get(gaussian) {
                 continue;
             }
@@ -147,11 +148,13 @@ struct RegionPictures<'r> {
 
 impl UnitPictures for RegionPictures<'_> {
     fn shares(&self, text: &str) -> Option<PictureShares> {
-        let pictures = self.regions.pictures();
-        if pictures.iter().all(Option::is_none) {
+        if self.regions.embedded() == 0 {
             return None;
         }
-        self.embeddings.shares(text, pictures.iter().map(Option::as_ref))
+        let text = self.embeddings.text(text)?;
+        let pictures = self.regions.pictures();
+        let near = pictures.iter().map(|compared| self.embeddings.near(compared.as_ref()?, &text));
+        Some(self.embeddings.shares(near))
     }
 }
 
@@ -206,10 +209,8 @@ impl RegionProposals {
         let path = self.blobs.fetch(&self.bus, &keys::SELECTION_CONTENT, stored, &context.next()).await?;
         tokio::task::block_in_place(|| {
             let labels = npy::read_labels(&path).map_err(|e| Fault::internal(e.to_string()))?;
-            if labels.len() != state.count() {
-                let (found, expected) = (labels.len(), state.count());
-                return Err(Fault::unavailable(format!("regions of {found} Gaussians for a scene of {expected}")));
-            }
+            // The selection service may follow the scene a little later.
+            let labels = labels_of(labels, state.count()).map_err(|e| Fault::unavailable(e.to_string()))?;
             Ok(Regions::new(&self.placed, state, &labels, &reply.regions))
         })
     }
@@ -230,7 +231,7 @@ mod tests {
     }
 
     /// A unit of four clusters of 100 Gaussians. The second and third are red, the others grey.
-    fn striped() -> (PlacedScene, Arc<EditState>, Vec<i32>) {
+    fn striped() -> (PlacedScene, Arc<EditState>, Vec<u32>) {
         let mut scene = test_scene(&[("vase", 400)]);
         let unit = &mut scene.units[0];
         unit.palette = Vec3::splat(0.5);

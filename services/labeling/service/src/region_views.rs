@@ -22,6 +22,8 @@ use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::view::View;
 
+use crate::measured_units::frame_of;
+
 /// Views without a number in the request.
 const USUAL_COUNT: u32 = 4;
 /// Most views in a reply.
@@ -201,8 +203,7 @@ pub(crate) fn region_views(
 ) -> Result<labeling::ViewsReply, RegionViewsError> {
     let start = Instant::now();
     let alone = state.edited_placed(placed, members)?;
-    let frame = Frame::of_view(&state.view()).unwrap_or(Frame::XYZ);
-    let best = BestViews::of(alone, (placed.bounds.longest_edge(), &frame), options, between)?;
+    let best = BestViews::of(alone, (placed.bounds.longest_edge(), &frame_of(state)), options, between)?;
     let among = marked(state, members);
     let look = Appearance { background: state.appearance().background, ..best.look.clone() };
     let found: Result<Vec<labeling::RegionView>, RegionViewsError> = best

@@ -158,23 +158,23 @@ impl UnitEmbeddings {
         Compared { embedding, background }
     }
 
+    /// The embedding of a text. `None` if it can't be encoded: then pictures have no say.
+    pub(crate) fn text(&self, text: &str) -> Option<Embedding> {
+        let encoded = self.encoder.encode_texts(&[text]);
+        encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()
+    }
+
     /// How near a text is to an embedding.
-    fn near(&self, compared: &Compared, text: &Embedding) -> Option<Nearness> {
+    pub(crate) fn near(&self, compared: &Compared, text: &Embedding) -> Option<Nearness> {
         // Embeddings of one model always compare.
         let cosine = compared.embedding.cosine(text).ok()?;
         Some(Nearness { cosine, share: self.encoder.share(cosine, &compared.background) })
     }
 
-    /// The shares of a text for some embeddings. `None` if it can't be encoded.
-    pub(crate) fn shares<'c>(
-        &self,
-        text: &str,
-        compared: impl Iterator<Item = Option<&'c Compared>>,
-    ) -> Option<PictureShares> {
-        let encoded = self.encoder.encode_texts(&[text]);
-        let text = encoded.inspect_err(|error| tracing::warn!(%error, "pictures have no say")).ok()?.pop()?;
-        let share = |compared: Option<&Compared>| Some(self.near(compared?, &text)?.share);
-        Some(PictureShares { model: self.encoder.name().to_owned(), units: compared.map(share).collect() })
+    /// The shares of a text, for a query.
+    pub(crate) fn shares(&self, near: impl IntoIterator<Item = Option<Nearness>>) -> PictureShares {
+        let units = near.into_iter().map(|near| near.map(|near| near.share)).collect();
+        PictureShares { model: self.encoder.name().to_owned(), units }
     }
 
     /// The embedding of pictures and a name.
@@ -238,11 +238,8 @@ impl UnitPictures for SceneEmbeddings<'_> {
             return None;
         }
         self.parts.set(self.parts.get() + 1);
-        let known: Vec<Option<Compared>> = {
-            let known = self.embeddings.known();
-            self.units.iter().map(|unit| known.get(unit).map(|unit| unit.fused.clone())).collect()
-        };
-        self.embeddings.shares(text, known.iter().map(Option::as_ref))
+        let text = self.embeddings.text(text)?;
+        Some(self.embeddings.shares(self.embeddings.nearness(self.units, &text)))
     }
 }
 

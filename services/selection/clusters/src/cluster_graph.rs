@@ -171,8 +171,12 @@ pub fn links(unit: &CsMatI<Distances, u32>) -> impl Iterator<Item = Link> + '_ {
 
 /// exp(−(length/s)² − (feature/f)²). A spread of zero means equal values, so its term is dropped.
 pub fn weight(length: f64, s: f64, feature: f64, f: f64) -> Conductance {
-    let term = |x: f64, sigma: f64| if sigma > 0.0 { (x / sigma).powi(2) } else { 0.0 };
     Conductance::exp(-term(length, s) - term(feature, f))
+}
+
+/// (x/σ)², or 0 for a spread of zero.
+pub(crate) fn term(x: f64, sigma: f64) -> f64 {
+    if sigma > 0.0 { (x / sigma).powi(2) } else { 0.0 }
 }
 
 /// The median, or the mean if the median is zero.

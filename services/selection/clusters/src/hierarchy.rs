@@ -15,9 +15,9 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use sprs::CsMatI;
 
-use crate::cluster_graph::{ClusterGraph, Distances, links, typical};
+use crate::cluster_graph::{ClusterGraph, Distances, Link, links, term, typical};
 use crate::creases::CREASE;
-use crate::neighbours::symmetric;
+use crate::vertices::distance_squared;
 
 /// Least difference of colours between neighbours for a hierarchy by colour.
 const LEAST_COLOR_STEP: f64 = 0.05;
@@ -98,13 +98,24 @@ pub fn regions(
     options: HierarchyOptions,
     count: usize,
 ) -> Vec<ClusterRegion> {
+    regions_of(graph, looks, options, count, |_| true)
+}
+
+/// As [`regions`], of the base units alone that `takes` is true of, by their edges.
+fn regions_of(
+    graph: &ClusterGraph,
+    looks: &[ClusterLook],
+    options: HierarchyOptions,
+    count: usize,
+    takes: impl Fn(&CsMatI<Distances, u32>) -> bool,
+) -> Vec<ClusterRegion> {
     let mut of_units: Vec<Vec<u32>> = vec![Vec::new(); graph.units.len()];
     for (id, look) in (0..).zip(looks) {
         if let Some(ids) = of_units.get_mut(look.unit as usize) {
             ids.push(id);
         }
     }
-    let units = graph.units.iter().zip(&of_units);
+    let units = graph.units.iter().zip(&of_units).filter(|(edges, _)| takes(edges));
     let found: Vec<SizedRegion> = units.flat_map(|(edges, ids)| of_unit(edges, ids, looks, options)).collect();
     let mut found = at_every_size(found, count);
     found.sort_by(by_prominence);
@@ -116,30 +127,18 @@ pub fn regions(
 #[must_use]
 pub fn diverse_regions(graph: &ClusterGraph, looks: &[ClusterLook], count: usize) -> Vec<ClusterRegion> {
     let color = |id: u32| looks.get(id as usize).map_or([0.0; 3], |look| look.color);
-    let is_colored = |unit: &CsMatI<Distances, u32>| {
-        links(unit).any(|l| difference_squared(color(l.u), color(l.v)) >= LEAST_COLOR_STEP.powi(2))
-    };
-    let colored = ClusterGraph {
-        clusters: graph.clusters,
-        units: graph.units.iter().map(|unit| if is_colored(unit) { unit.clone() } else { symmetric(0, &[]) }).collect(),
-        component: Vec::new(),
-    };
-    let has_colors = colored.units.iter().any(|unit| unit.nnz() > 0);
-    let first = if has_colors { count.div_ceil(2) } else { count };
-    let mut found = regions(graph, looks, HierarchyOptions::default(), first);
-    if has_colors {
-        let by_color = regions(&colored, looks, HierarchyOptions::by_color(), count - first);
-        let more: Vec<ClusterRegion> =
-            by_color.into_iter().filter(|region| found.iter().all(|f| f.clusters != region.clusters)).collect();
-        found.extend(more);
-        found.sort_by(by_prominence);
+    let is_step = |l: Link| distance_squared(&color(l.u), &color(l.v)) >= LEAST_COLOR_STEP.powi(2);
+    let is_colored = |unit: &CsMatI<Distances, u32>| links(unit).any(is_step);
+    if !graph.units.iter().any(is_colored) {
+        return regions(graph, looks, HierarchyOptions::default(), count);
     }
+    let mut found = regions(graph, looks, HierarchyOptions::default(), count.div_ceil(2));
+    let by_color = regions_of(graph, looks, HierarchyOptions::by_color(), count / 2, is_colored);
+    let more: Vec<ClusterRegion> =
+        by_color.into_iter().filter(|region| found.iter().all(|f| f.clusters != region.clusters)).collect();
+    found.extend(more);
+    found.sort_by(by_prominence);
     found
-}
-
-/// Square of the distance of two colours.
-fn difference_squared(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
 /// A region with its share in the Gaussians of its base unit.
@@ -270,12 +269,11 @@ fn join(nodes: &mut [Node], (a, b): (u32, u32), own: f64) -> Node {
 fn weights(edges: &CsMatI<Distances, u32>, looks: &[ClusterLook], options: HierarchyOptions) -> Vec<(u32, u32, f64)> {
     let s = options.sigma_s * typical(links(edges).map(|l| l.distances.length));
     let f = options.sigma_f * typical(links(edges).map(|l| l.distances.feature));
-    let term = |x: f64, scale: f64| if scale > 0.0 { (x / scale).powi(2) } else { 0.0 };
     let existing = |id: u32| looks.get(id as usize).filter(|look| look.gaussians > 0);
     let existing = links(edges).filter_map(|l| Some((l, existing(l.u)?, existing(l.v)?)));
     let edges = existing.map(|(l, a, b)| {
         let Distances { length, feature, crease } = l.distances;
-        let difference = difference_squared(a.color, b.color);
+        let difference = distance_squared(&a.color, &b.color);
         let bent = options.crease.map_or(0.0, |kappa| term(crease, kappa));
         let exponent = term(length, s) + term(feature, f) + bent + difference / COLOR_SCALE.powi(2);
         (l.u, l.v, (-exponent).exp())
@@ -301,6 +299,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::neighbours::symmetric;
 
     fn graph(clusters: usize, edges: &[(u32, u32, f64)]) -> ClusterGraph {
         let entry = |(u, v, length): &(u32, u32, f64)| (*u, *v, Distances { length: *length, ..Distances::default() });
@@ -375,6 +374,18 @@ mod tests {
         assert!(red.prominence > 0.9 && found.len() <= 64, "{found:?}");
         let distinct: std::collections::BTreeSet<_> = found.iter().map(|region| &region.clusters).collect();
         assert_eq!(distinct.len(), found.len());
+    }
+
+    #[test]
+    fn a_unit_of_one_color_has_no_hierarchy_by_color() {
+        let colored = graph(4, &[(0, 1, 1.0)]).units.remove(0);
+        let plain = graph(4, &[(2, 3, 1.0)]).units.remove(0);
+        let graph = ClusterGraph { clusters: 4, units: vec![colored, plain], component: vec![0; 4] };
+        let mut looks = looks(&[[0.0; 3], [0.9; 3], [0.5; 3], [0.5; 3]]);
+        (looks[2].unit, looks[3].unit) = (1, 1);
+        let found = diverse_regions(&graph, &looks, 64);
+        // Both of the plain unit touch, so neither stands alone.
+        assert!(found.iter().all(|region| region.clusters != [2] && region.clusters != [3]), "{found:?}");
     }
 
     #[test]
