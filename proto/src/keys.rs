@@ -338,9 +338,9 @@ table! {
     LABELING_STATE: Retained<labeling::State> = (role::LABELING, "state");
 
     /// Changes the microphone or stops the reply.
-    SPEECH_CONTROL: Request<speech::ControlRequest, speech::ControlReply> = (role::SPEECH, "cmd/control", &[role::CLI, role::RENDER_VIEW]) at Interactive;
+    SPEECH_CONTROL: Request<speech::ControlRequest, speech::ControlReply> = (role::SPEECH, "cmd/control", &[role::CLI, role::RENDER_VIEW, role::AGENT_CORE]) at Interactive;
     /// Speaks a text.
-    SPEECH_SPEAK: Request<speech::SpeakRequest, speech::SpeakReply> = (role::SPEECH, "cmd/speak", &[role::CLI, role::RENDER_VIEW]);
+    SPEECH_SPEAK: Request<speech::SpeakRequest, speech::SpeakReply> = (role::SPEECH, "cmd/speak", &[role::CLI, role::RENDER_VIEW, role::AGENT_CORE]);
     /// What was recognised of an utterance, while it is heard and at its end.
     SPEECH_RECOGNITION: Stream<speech::Recognition> = (role::SPEECH, "event/recognition") at Interactive;
     /// The state of the speech service has changed.

@@ -26,6 +26,9 @@ pub const MAX_PROPOSALS: u32 = 16;
 /// Most editable units of one scene.
 pub const MAX_UNITS: usize = 1000;
 
+/// Most kept viewpoints of one scene.
+pub const MAX_KEPT_VIEWS: usize = 64;
+
 /// Largest width and height of a picture, pixels.
 pub const MAX_PICTURE_PIXELS: u32 = 8192;
 

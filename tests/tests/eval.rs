@@ -9,7 +9,7 @@ use sg_tests::eval::ablation::{Ablation, SubjectRows, run};
 use sg_tests::eval::measure::{Medians, Spread};
 use sg_tests::eval::shapes::{REPORTED, TUNING, shape};
 use sg_tests::eval::subject::Parametrisation;
-use sg_tests::eval::{Options, one_stroke, plots, report};
+use sg_tests::eval::{Options, language, one_stroke, plots, report};
 
 fn small() -> Options {
     let shapes = vec!["aneurysm".to_owned()];
@@ -153,4 +153,36 @@ fn one_stroke_repeats_for_a_seed_and_no_answer_beats_the_best_union_of_clusters(
     let again = pool.install(|| one_stroke::run(&options, &|_| ()).unwrap());
     assert_eq!(serde_json::to_value(&first).unwrap(), serde_json::to_value(&again).unwrap());
     assert_eq!(serde_json::to_value(&tables).unwrap(), serde_json::to_value(one_stroke::tables(&again, 3)).unwrap());
+}
+
+#[test]
+fn utterances_are_judged_by_the_state_in_which_the_scene_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = folder.path().join("set.toml");
+    let utterances = [
+        (r#"["make the sac red"]"#, r#"["sac.color = red"]"#),
+        (r#"["hide the bone", "undo"]"#, r#"["unchanged"]"#),
+        (r#"["hide everything but the sac"]"#, r#"["vessels, bone, tissue, clip.visible = false"]"#),
+        (r#"["select the clip", "keep this view as front"]"#, r#"["selection = clip", "kept front"]"#),
+        (r#"["start a tour"]"#, r#"["tour on"]"#),
+        (r#"["undo"]"#, r#"["selection = clip"]"#),
+        // These two are wrong.
+        (r#"["make the sac red"]"#, r#"["sac.color = green"]"#),
+        (r#"["make the sac red and hide the bone"]"#, r#"["sac.color = red"]"#),
+        (r#"["what is there?"]"#, r#"["unchanged"]"#),
+    ];
+    let text: String = utterances
+        .iter()
+        .map(|(say, expect)| format!("[[utterance]]\nkind = \"any\"\nsay = {say}\nexpect = {expect}\n"))
+        .collect();
+    std::fs::write(&set, text).unwrap();
+    let options = language::Options { sets: vec![set], settings: Vec::new(), every: 1 };
+    let measured = language::run(&options, &|_| ()).unwrap();
+    let found: Vec<(bool, bool)> =
+        measured[0].played.iter().map(|played| (played.problems.is_empty(), played.is_false_action)).collect();
+    let (right, wrong, more) = ((true, false), (false, false), (false, true));
+    // Undo at the start takes back that the selection was cleared.
+    let expected = [right, right, right, right, right, right, wrong, more, right];
+    println!("{measured:#?}");
+    assert_eq!(found, expected);
 }

@@ -11,6 +11,7 @@ use rust_stemmers::{Algorithm, Stemmer};
 
 use crate::relation::{Evidence, Relation};
 use crate::text::Phrase;
+use crate::usage;
 use crate::wordnet::{self, Sense, Synset, WordNet, WordNetError};
 
 /// Most words of a term.
@@ -244,6 +245,13 @@ impl Index {
             }
             for at in self.by_ending.get(form).into_iter().flatten().filter(|_| query.is_single) {
                 offer(*at, Relation::Ending, 1.0);
+            }
+        }
+        for form in std::iter::once(&query.text).chain(&query.forms) {
+            for name in usage::other_names(form) {
+                for at in self.by_text.get(name).into_iter().chain(self.by_form.get(name).into_iter().flatten()) {
+                    offer(*at, Relation::Usage, 1.0);
+                }
             }
         }
         for sense in &query.senses {

@@ -13,5 +13,6 @@ pub mod region;
 pub mod relation;
 pub mod retrieval;
 pub mod text;
+mod usage;
 pub mod views;
 pub mod wordnet;

@@ -48,8 +48,13 @@ mod tests {
 
     /// A ball of a colour.
     fn look(color: [f32; 3]) -> Attributes {
-        let gaussian =
-            |at: i32| Gaussian { position: DVec3::splat(f64::from(at)), color, opacity: 1.0, deviation: 1.0 };
+        let gaussian = |at: i32| Gaussian {
+            position: DVec3::splat(f64::from(at)),
+            color,
+            opacity: 1.0,
+            deviation: 1.0,
+            area: 1.0,
+        };
         Attributes::of((0..4).map(gaussian)).unwrap()
     }
 

@@ -13,6 +13,8 @@ pub enum Relation {
     Spacing,
     /// A word of the same meaning.
     Synonym,
+    /// What people of a field call the same structure: "aneurysm" for "sac".
+    Usage,
     /// An adjective that pertains to the label's noun: "renal" to "kidney".
     Pertains,
     /// A part of the same kind as the label: "cranium" to "skull", both bones.
@@ -41,6 +43,7 @@ impl Relation {
             Self::Inflection => 0.98,
             Self::Spacing => 0.97,
             Self::Synonym => 0.92,
+            Self::Usage => 0.85,
             Self::Pertains => 0.85,
             Self::Part => 0.75,
             Self::Ending => 0.75,
@@ -59,6 +62,7 @@ impl fmt::Display for Relation {
             Self::Inflection => "another form of the word",
             Self::Spacing => "name written apart or together",
             Self::Synonym => "synonym",
+            Self::Usage => "usual name",
             Self::Pertains => "adjective of the noun",
             Self::Part => "part of the same kind",
             Self::Ending => "end of the word",

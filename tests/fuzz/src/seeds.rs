@@ -21,10 +21,10 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
     AdjustTransferFunction, Changes, Color, Command, CommitSelection, ControlPoint, DeleteGaussians, DeleteUnit,
-    DuplicateGaussians, Event, MergeUnits, NamedView, Orbit, PatientSide, Redo, RenameUnit, Reset, RestoreGaussians,
-    SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm, SetTone, SetTransferFunction,
-    SetView, SetVisibility, ShowOnly, Target, TransferFunction, TransformGaussians, Undo, ValueColor, ValueRange,
-    ValueScale, ValueWindow, Vector,
+    DuplicateGaussians, Event, ForgetView, KeepView, MergeUnits, NamedView, Orbit, PatientSide, Redo, RenameUnit,
+    Reset, RestoreGaussians, SaveUnit, Select, SetBackground, SetColor, SetLight, SetLock, SetOpacity, SetTerm,
+    SetTone, SetTransferFunction, SetView, SetVisibility, ShowOnly, Target, TransferFunction, TransformGaussians, Undo,
+    ValueColor, ValueRange, ValueScale, ValueWindow, Vector,
 };
 use sg_scene::mask::Mask;
 use sg_scene::model::{Gaussians, Scene};
@@ -577,6 +577,8 @@ fn some_commands() -> Vec<Command> {
         }),
         Action::DuplicateGaussians(DuplicateGaussians { target: selection(), name: String::new() }),
         Action::DuplicateGaussians(DuplicateGaussians { target: on(&["bone"]), name: "twin".to_owned() }),
+        Action::KeepView(KeepView { name: "entry".to_owned() }),
+        Action::ForgetView(ForgetView { name: "entry".to_owned() }),
         Action::SetTransferFunction(SetTransferFunction::default()),
         Action::AdjustTransferFunction(AdjustTransferFunction {
             change: Some(Change::Window(ValueWindow {

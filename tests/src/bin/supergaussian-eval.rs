@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
 use sg_clusters::clustering::Level;
-use sg_tests::eval::{EvalError, Options, ablation, one_stroke, peers, plots, report, spoken};
+use sg_tests::eval::{EvalError, Options, ablation, language, one_stroke, peers, plots, report, spoken};
 
 /// Evaluation tables: the worth of the choices behind a result, on scenes whose truth is known
 #[derive(Debug, Parser)]
@@ -44,6 +44,14 @@ enum Table {
     /// Example: supergaussian eval speech --out speech --quick
     #[command(verbatim_doc_comment)]
     Speech(Speech),
+    /// Commands by words: what people say, and the state in which the scene ends
+    ///
+    /// Plays two sets of 240 utterances each through a stack of the headless launch file. Their authors had not seen how the program reads
+    /// language. Writes language.md (the table) and language.json (each utterance with its replies and what does not hold).
+    ///
+    /// Example: supergaussian eval language --out language --quick
+    #[command(verbatim_doc_comment)]
+    Language(Language),
     /// Our side of tests/peers/compare.py: clusters a made scene, hands it over as arrays, prints our times as JSON
     ///
     /// Example: supergaussian eval peer clusters --gaussians 400000 --threads 2 --out there
@@ -84,6 +92,22 @@ enum Timed {
     Clusters,
     /// Walks on clusters and on Gaussians
     Walks,
+}
+
+#[derive(Debug, Args)]
+struct Language {
+    /// The folder to write to; it is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Every eighth utterance
+    #[arg(long)]
+    quick: bool,
+    /// A set of yours in place of those that come with the program; may be given several times
+    #[arg(long = "utterances", value_name = "FILE")]
+    sets: Vec<PathBuf>,
+    /// A setting of the stack, such as a backend of an agent; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
 }
 
 #[derive(Debug, Args)]
@@ -166,6 +190,7 @@ fn main() -> ExitCode {
         Table::SelectionAblation(arguments) => selection_ablation(&arguments),
         Table::OneStroke(arguments) => one_stroke(&arguments),
         Table::Speech(arguments) => speech(&arguments),
+        Table::Language(arguments) => language(&arguments),
         Table::Peer(arguments) => peer(&arguments),
     };
     match done {
@@ -207,6 +232,30 @@ fn peer(arguments: &Peer) -> Result<(), EvalError> {
             }
         }
     }
+    Ok(())
+}
+
+fn language(arguments: &Language) -> Result<(), EvalError> {
+    let write = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| EvalError::Write { path, source }
+    };
+    std::fs::create_dir_all(&arguments.out).map_err(write(&arguments.out))?;
+    let tell = |line: &str| eprintln!("eval language: {line}");
+    let options = language::Options {
+        sets: arguments.sets.clone(),
+        settings: arguments.settings.clone(),
+        every: if arguments.quick { 8 } else { 1 },
+    };
+    let measured = language::run(&options, &tell)?;
+    let table = language::markdown(&measured);
+    let json = serde_json::to_string_pretty(&measured).unwrap_or_default() + "\n";
+    for (name, text) in [("language.json", &json), ("language.md", &table)] {
+        let path = arguments.out.join(name);
+        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(write(&path))?;
+    }
+    print!("{table}");
+    tell(&format!("written to {}", arguments.out.display()));
     Ok(())
 }
 

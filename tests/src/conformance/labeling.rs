@@ -124,6 +124,10 @@ async fn views(stage: &Stage<'_>) -> Result<(), String> {
     // The sac is selected since the check before.
     let (selection, sac) = (view_request(stage, "", 0).await?, view_request(stage, "sac", 0).await?);
     hold(selection.views == sac.views && !sac.views.is_empty(), || format!("{selection:?}, {sac:?}"))?;
+    let at_least_revision = stage.scene_state().await?.revision;
+    let target = ViewsRequest { target: named("sac"), at_least_revision, ..ViewsRequest::default() };
+    let target = stage.cli.ask(&keys::LABELING_VIEWS, &target, &soon()).await.map_err(|f| format!("cmd/views: {f}"))?;
+    hold(target.views == sac.views, || format!("the target sac: {target:?}, the unit: {sac:?}"))?;
     let unknown = ViewsRequest { unit: "liver".to_owned(), ..ViewsRequest::default() };
     let reply = stage.cli.ask(&keys::LABELING_VIEWS, &unknown, &soon()).await;
     let code = reply.as_ref().err().map(|fault| fault.code);

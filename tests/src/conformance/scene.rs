@@ -6,9 +6,9 @@ use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
     AdjustTransferFunction, Changes, ChangesRequest, Color, Command, CommandResult, ControlPoint, DeleteGaussians,
-    DuplicateGaussians, FilesRequest, MeasureRequest, MergeUnits, Placements, RestoreGaussians, SaveUnit, Select,
-    SetBackground, SetColor, SetLock, SetOpacity, SetTone, SetTransferFunction, State, Target, TransferFunction,
-    TransformGaussians, Undo, ValueRange, ValueScale, Vector,
+    DuplicateGaussians, FilesRequest, ForgetView, KeepView, MeasureRequest, MergeUnits, Placements, RestoreGaussians,
+    SaveUnit, Select, SetBackground, SetColor, SetLock, SetOpacity, SetTone, SetTransferFunction, SetView, State,
+    Target, TransferFunction, TransformGaussians, Undo, ValueRange, ValueScale, Vector, set_view,
 };
 
 use super::question::{Question, hold, refused_as, soon};
@@ -67,6 +67,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("deletes Gaussians and brings them back", deletes(stage).await);
     checks.note("moves, turns and scales what it is told to", moves(stage).await);
     checks.note("duplicates Gaussians and takes the copies away", duplicates(stage).await);
+    checks.note("keeps viewpoints under names", kept_views(stage).await);
     checks.note("merges units and changes tones", merges(stage).await);
     checks.note("takes another transfer function", transfer_functions(stage).await);
     checks.note("gives readers what they missed", catching_up(stage).await);
@@ -328,6 +329,29 @@ async fn duplicates(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(undone.count == before.count && undone.base_units == before.base_units, || {
         format!("undo left {} Gaussians in {:?}", undone.count, undone.base_units)
     })
+}
+
+async fn kept_views(stage: &mut Stage<'_>) -> Result<(), String> {
+    let first = stage.scene_state().await?.view;
+    let to = |change| Action::SetView(SetView { change: Some(change) });
+    stage.change(Action::KeepView(KeepView { name: "entry".to_owned() })).await?;
+    stage.change(to(set_view::Change::Zoom(2.0))).await?;
+    stage.change(Action::KeepView(KeepView::default())).await?;
+    stage.kill_and_serve().await?;
+    let state = stage.scene_state().await?;
+    let names: Vec<&str> = state.kept_views.iter().map(|kept| kept.name.as_str()).collect();
+    hold(names == ["entry", "view 1"] && state.kept_views[1].view == state.view, || format!("{names:?} are kept"))?;
+    stage.change(to(set_view::Change::Kept("Entry".to_owned()))).await?;
+    let there = stage.scene_state().await?.view;
+    hold(there == first && there != state.view, || format!("the view {there:?} in place of {first:?}"))?;
+    stage.change(Action::ForgetView(ForgetView { name: "entry".to_owned() })).await?;
+    let id = stage.new_id();
+    let gone = to(set_view::Change::Kept("entry".to_owned()));
+    let gone = Command { id: id.clone(), expected_revision: 0, action: Some(gone) };
+    refused_as(stage.put(&Question::of(&keys::SCENE_APPLY, &gone), &id).await, &[Code::NotFound])?;
+    stage.change(Action::Undo(Undo { steps: 5 })).await?;
+    let undone = stage.scene_state().await?;
+    hold(undone.kept_views.is_empty() && undone.view == first, || format!("undo left {:?}", undone.kept_views))
 }
 
 async fn changes(stage: &Stage<'_>, request: ChangesRequest) -> Result<Changes, String> {

@@ -5,6 +5,7 @@
 
 pub mod ablation;
 pub mod hand;
+pub mod language;
 pub mod measure;
 pub mod measured;
 pub mod one_stroke;

@@ -462,6 +462,7 @@ const MAP: [(&str, &str, &[&str]); 39] = [
         "sg-tests",
         &[
             "sg-clusters",
+            "sg-color",
             "sg-edit",
             "sg-fit",
             "sg-formats",

@@ -131,7 +131,7 @@ impl Panels {
         });
     }
 
-    pub(super) fn viewpoint(&self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    pub(super) fn viewpoint(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
         if state.services.scene {
             ui.horizontal_wrapped(|ui| {
                 for (name, view) in VIEWS {
@@ -154,6 +154,9 @@ impl Panels {
                     }
                 }
             });
+        }
+        if state.services.scene {
+            self.kept_views(ui, state, output);
         }
         ui.horizontal_wrapped(|ui| {
             for action in &self.supported_actions {

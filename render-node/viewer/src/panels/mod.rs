@@ -38,6 +38,7 @@ mod display_options;
 mod function;
 mod history;
 mod icon;
+mod kept_views;
 mod keyboard;
 mod label_questions;
 mod labels;

@@ -7,6 +7,7 @@ use super::icon::Icon;
 use super::output::{Output, PanelHost};
 use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
+use super::text_input::Field;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
@@ -53,8 +54,14 @@ impl Panels {
         if state.services.scene {
             section(ui, "Light and background", false, |ui| self.light(ui, state, tools, output));
         }
-        if state.services.scene || !self.supported_actions.is_empty() {
-            section(ui, "Viewpoint", false, |ui| self.viewpoint(ui, state, output));
+        let viewpoint = if state.services.scene || !self.supported_actions.is_empty() {
+            section(ui, "Viewpoint", false, |ui| self.viewpoint(ui, state, output))
+        } else {
+            None
+        };
+        // The field is not drawn while its part is folded, or while the scene service does not answer.
+        if viewpoint.is_none() || !state.services.scene {
+            self.text_input.forget(Field::ViewName);
         }
         if state.services.scene {
             section(ui, "History", false, |ui| self.history(ui, state, output));

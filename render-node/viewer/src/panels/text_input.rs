@@ -19,6 +19,8 @@ pub(super) enum Field {
     Say,
     /// The words for units to be found.
     Find,
+    /// The name of a viewpoint to be kept.
+    ViewName,
 }
 
 impl Field {
@@ -29,6 +31,7 @@ impl Field {
             Self::NewName => "new name",
             Self::Say => "say",
             Self::Find => "words for units",
+            Self::ViewName => "name of the view",
         }
     }
 }
@@ -50,13 +53,13 @@ pub(super) enum FieldEvent {
 #[derive(Debug, Default)]
 pub(super) struct TextInput {
     field: Option<Field>,
-    texts: [String; 4],
+    texts: [String; 5],
     keys: Vec<Event>,
     leave: bool,
     wanted: Option<Field>,
     version: u64,
     /// Where each field was drawn last, until [`Self::take_place`].
-    places: [Option<Rect>; 4],
+    places: [Option<Rect>; 5],
 }
 
 /// Key of a context's memory for the place of its virtual keyboard.

@@ -50,6 +50,7 @@ mod spacing_dialog;
 mod surface;
 mod tool_card;
 mod toolbar;
+mod view_flight;
 mod window_files;
 mod window_ui;
 

@@ -27,6 +27,7 @@ use super::navigation::Navigator;
 use super::scene_view::SceneView;
 use super::settings::Settings;
 use super::shortcuts::{self, KeyFocus};
+use super::view_flight::ViewFlight;
 use super::window_files::FileMenu;
 use crate::display::{
     AppearanceBuilder, BrushController, Drafts, FrameStats, ParameterDrag, Request, SceneFollower, Tools, ViewPort,
@@ -66,6 +67,8 @@ pub struct WindowUi {
     up: Option<Axis>,
     /// The view that this window has sent and the scene has not confirmed yet.
     sent: Option<View>,
+    /// The way of the eye to a view that somebody else has set.
+    flight: Option<ViewFlight>,
     pub(super) panels_shown: bool,
     /// Name of the panel that a narrow window shows.
     pub(super) tab: &'static str,
@@ -138,6 +141,7 @@ impl WindowUi {
             shared,
             up: None,
             sent: None,
+            flight: None,
             panels_shown: settings.panels,
             tab: Panel::SELECT.name,
             hints_done: settings.hints_done.clone(),
@@ -202,7 +206,7 @@ impl WindowUi {
     /// Whether the best picture of the present state is shown.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.scene_view.is_settled() && self.follower.is_idle()
+        self.flight.is_none() && self.scene_view.is_settled() && self.follower.is_idle()
     }
 
     /// Recreates textures at the next frame, for another context. Pictures may stay on the device of `shown_by`, under that
@@ -229,9 +233,11 @@ impl WindowUi {
             self.shared = newest.scene.view();
             // The eye has been there already, and may have moved on.
             if self.sent.take() != Some(self.shared) {
-                self.scene_view.navigator.view = self.shared;
+                let now = ui.input(|input| input.time);
+                self.flight = Some(ViewFlight::new(self.scene_view.navigator.view, self.shared, now));
             }
         }
+        self.fly(ui);
         let up = self.scene.orientation.with_up(newest.scene.up()).up();
         if self.up.replace(up).is_some_and(|before| before != up) {
             self.line = format!("{} is up", up.name());
@@ -339,6 +345,22 @@ impl WindowUi {
         });
     }
 
+    /// Moves the eye on its way to another view.
+    fn fly(&mut self, ui: &Ui) {
+        let Some(flight) = &mut self.flight else { return };
+        let now = ui.input(|input| input.time);
+        let Some((view, has_arrived)) = flight.at(self.scene_view.navigator.view, now) else {
+            self.flight = None;
+            return;
+        };
+        self.scene_view.navigator.view = view;
+        if has_arrived {
+            self.flight = None;
+        } else {
+            ui.ctx().request_repaint();
+        }
+    }
+
     /// Sends requests. The view is shared before requests that refer to it.
     fn ask(&mut self, requests: Vec<Request>, newest: &ViewState) {
         for request in requests {
@@ -362,12 +384,12 @@ impl WindowUi {
     }
 }
 
-/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), or a change from the
-/// present direction.
+/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), a view that is kept, or
+/// another view. Some of these begin at the present one. And where the scene is at the wanted view already, while the eye has moved
+/// away, only a change brings it back.
 fn refers_to_view(request: &Request) -> bool {
-    let from_here = |change: &command::Action| {
-        matches!(change, command::Action::SetView(SetView { change: Some(set_view::Change::Focus(_)) }))
-    };
+    let from_here =
+        |change: &command::Action| matches!(change, command::Action::SetView(_) | command::Action::KeepView(_));
     match request {
         Request::Say(_) | Request::Find { .. } => true,
         Request::Change(change) => from_here(change),

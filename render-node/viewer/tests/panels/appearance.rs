@@ -13,6 +13,7 @@ use sg_raster::color_map::ColorMap;
 use sg_viewer::display::{Conversation, DisplayMode, Entry, Tools};
 use sg_viewer::panels::{DisplayAction, NARROWEST, Panel, PanelHost, theme};
 
+use crate::labels::answered;
 use crate::picture::{Canvas, Picture};
 use crate::stage::{Stage, after, docked, harness, press, save, scene, select};
 
@@ -205,7 +206,7 @@ fn names_that_commands_make_are_read_whole() {
 }
 
 /// Controls that lie beyond their panel, sideways.
-fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
+pub(crate) fn beyond(harness: &Harness<'_, Stage>) -> Vec<String> {
     let panel = harness.ctx.content_rect().expand(0.5);
     let inside = |rect: egui::Rect| rect.left() >= panel.left() && rect.right() <= panel.right();
     let all = harness.query_all(By::new().predicate(|n| n.role() != Role::TextRun && n.bounding_box().is_some()));
@@ -312,6 +313,7 @@ fn pictures_for_the_documents() {
         canvas.draw(&busy(*panel, false, 1.5)).write(&folder.join(format!("panel-{}.png", panel.name)));
     }
     canvas.draw(&busy(Panel::SCENE, true, 1.5)).write(&folder.join("panel-scene-light.png"));
+    canvas.draw(&answered(1.5)).write(&folder.join("panel-find.png"));
 }
 
 #[test]

@@ -4,11 +4,15 @@ use std::sync::Arc;
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use glam::{DVec3, Vec3};
+use sg_edit::EditState;
 use sg_proto::labeling::{Candidate, FindReply, Outcome, ProposedRegion, RegionView, State, ViewsReply};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{Mask, Select, SelectionStep, SetLock, SetOperation, SetView, Target, Vector, View, set_view};
 use sg_proto::selection::StrokesRequest;
+use sg_raster::render::{Quality, render};
+use sg_scene::appearance::Appearance;
 use sg_viewer::display::{Answer, Labeling, RegionViews, Request};
 use sg_viewer::panels::Panel;
 
@@ -24,6 +28,51 @@ fn labels() -> Harness<'static, Stage> {
     harness.set_size(egui::vec2(Panel::SCENE.size.x, 2400.0));
     harness.run();
     harness
+}
+
+/// Scene control with an answer and the best views of what it found, as the documents show it.
+pub(crate) fn answered(pixels_per_point: f32) -> Harness<'static, Stage> {
+    let mut stage = Stage::new(Panel::SCENE);
+    stage.shown.services.labeling = true;
+    stage.pixels_per_point = pixels_per_point;
+    let state = State {
+        method: "labels and looks".to_owned(),
+        image_encoder: "clip-vit-base-patch32".to_owned(),
+        units: 4,
+        pending: 1,
+        embedded: ["vessel", "tissue", "sac"].map(str::to_owned).to_vec(),
+        ..State::default()
+    };
+    Arc::make_mut(&mut stage.shown.labeling).state = Some(Arc::new(state));
+    let mut panel = harness(stage);
+    let number = ask(&mut panel, "pouch");
+    found(&mut panel, number, reply(Outcome::Match, &[("sac", 0.87)], ""));
+    press(&mut panel, "candidate sac");
+    let (number, _) = asks_for_views(&mut panel);
+    let views = [DVec3::new(1.0, 0.6, 1.0), DVec3::new(-1.0, 0.4, 0.8), DVec3::new(0.1, 1.2, 0.2), DVec3::NEG_Z];
+    let state = Arc::clone(&panel.state().shown.scene);
+    let views = views.map(|direction| drawn(&state, "sac", direction)).to_vec();
+    pictured(&mut panel, number, views);
+    panel
+}
+
+/// A picture of a unit alone from a direction.
+fn drawn(state: &EditState, unit: &str, direction: DVec3) -> RegionView {
+    let scene = crate::stage::scene();
+    let members = Arc::clone(&state.units().find(|known| known.name == unit).unwrap().mask);
+    let alone = state.edited_placed(&scene, &members).unwrap();
+    let middle = 0.5 * (alone.bounds.min + alone.bounds.max);
+    let view = sg_scene::view::View {
+        eye: middle + 2.2 * alone.bounds.longest_edge() * direction.normalize(),
+        target: middle,
+        up: if direction.y.abs() > 1.0 { DVec3::Z } else { DVec3::Y },
+        fov_y_degrees: 40.0,
+    };
+    let look = Appearance { background: Vec3::splat(0.07), ..Appearance::of(&alone) };
+    let image = render(&alone, &look, &view.camera(128, 128), Quality::Standard).unwrap().image;
+    let mut picture = Vec::new();
+    image.write_png(&mut picture).unwrap();
+    RegionView { picture, ..seen(0.0) }
 }
 
 fn is_there(panel: &Harness<'_, Stage>, label: &str) -> bool {

@@ -11,6 +11,7 @@ mod appearance;
 mod curves;
 mod file_menu;
 mod frame_rate;
+mod kept_views;
 mod labels;
 mod legends;
 mod microphone;

@@ -25,7 +25,7 @@ pub(crate) fn desk(mouse_tool: MouseTool, folder: &Path) -> (Harness<'static, Wi
 }
 
 /// A desk of these settings and this size in points.
-fn desk_of(settings: &Settings, size: Vec2, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
+pub(crate) fn desk_of(settings: &Settings, size: Vec2, folder: &Path) -> (Harness<'static, WindowUi>, Backend) {
     let scene = scene();
     let state = after(&scene, []);
     let services = ServiceAvailability { scene: true, selection: true, agents: true, labeling: false };

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lru::LruCache;
@@ -14,18 +15,20 @@ use sg_llm::{LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, Stream, role};
 use sg_proto::language::{
-    AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
+    Act, AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
 use sg_runtime::actor::{self, Actor, ActorError};
-use sg_runtime::bus::{Bus, LivelinessChange, RetainedValue};
+use sg_runtime::bus::{Bus, LivelinessChange};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use tokio::sync::{mpsc, watch};
 
 use crate::image_diff::images_differ;
+use crate::published_state::PublishedState;
+use crate::tour::TourGuide;
 
 /// Length of the request queue.
 const QUEUE: usize = 16;
@@ -57,12 +60,16 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let llm = LlmClient::new(&host.params()?)
         .map_err(|e| StartError::Input(format!("parameters of `{}`: {e}", host.role())))?;
     let agent_state = llm.initial_state();
-    let published_state = host.bus().retain(&keys::CORE_STATE, agent_state.clone()).await?;
-    let capture_processes = count_capture_processes(host.bus().watch_liveliness(LIVELINESS_QUEUE).await?);
+    let retained = host.bus().retain(&keys::CORE_STATE, agent_state.clone()).await?;
+    let published_state = Arc::new(PublishedState::new(retained, agent_state.clone()));
+    let watched = || host.bus().watch_liveliness(LIVELINESS_QUEUE);
+    let capture_processes = count_processes(role::RENDER_CAPTURE, watched().await?);
+    let voices = count_processes(role::SPEECH, watched().await?);
     let agent = CoreAgent {
         bus: host.bus().clone(),
         llm,
         agent_state,
+        tours: TourGuide::new(host.bus().clone(), voices, Arc::clone(&published_state)),
         published_state,
         capture_processes,
         intents: LruCache::new(CACHED_REPLIES),
@@ -76,13 +83,13 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Counts the live capture processes. Without one the agent does not wait for an image.
-fn count_capture_processes(mut events: mpsc::Receiver<LivelinessChange>) -> watch::Receiver<usize> {
+/// Counts the live processes of a role. Without one the agent does not wait for its answer.
+fn count_processes(of: &'static str, mut events: mpsc::Receiver<LivelinessChange>) -> watch::Receiver<usize> {
     let (count, receiver) = watch::channel(0);
     tokio::spawn(async move {
         let mut alive = BTreeSet::new();
         while let Some(event) = events.recv().await {
-            if event.role == role::RENDER_CAPTURE {
+            if event.role == of {
                 if event.alive {
                     alive.insert(event.instance)
                 } else {
@@ -103,7 +110,8 @@ struct CoreAgent {
     bus: Bus,
     llm: LlmClient,
     agent_state: AgentState,
-    published_state: RetainedValue<AgentState>,
+    published_state: Arc<PublishedState>,
+    tours: TourGuide,
     /// Number of live capture processes.
     capture_processes: watch::Receiver<usize>,
     /// Intents by utterance id. A model may interpret a repeated utterance differently, and half of the plan may be done.
@@ -239,8 +247,9 @@ impl CoreAgent {
         let stage = turn.next_stage();
         self.publish(&keys::PLAN, &plan, &stage).await;
         let execute = inner(turn.next_stage()).with_id(request_ids::plan(&turn.context.id));
-        let outcome: PlanResult =
+        let mut outcome: PlanResult =
             self.bus.ask(&keys::EXECUTE, &plan, &execute).await.map_err(|f| stage_fault("function", f))?;
+        let is_interrupted = self.follow_tour(&intent, &mut outcome).await;
         let changed = outcome.actions.iter().any(|action| {
             let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
             action.ok && action.command.is_some() && clause.is_some_and(reply::changes_image)
@@ -249,7 +258,30 @@ impl CoreAgent {
         let frames = after.as_ref().and_then(|a| Some((before.frame.as_ref()?, a.frame.as_ref()?)));
         let changed = frames.and_then(|(b, a)| images_differ(b, a));
         let evidence = Evidence { before: &before, after: after.as_ref(), changed };
-        Ok(reply::compose(&intent, &outcome, &evidence))
+        let reply = reply::compose(&intent, &outcome, &evidence);
+        if is_interrupted {
+            return Ok(Reply { text: format!("{} The tour waits; say “go on” to continue.", reply.text), ..reply });
+        }
+        Ok(reply)
+    }
+
+    /// Carries out changes of a tour. Returns whether a tour now waits, since something else was done.
+    async fn follow_tour(&mut self, intent: &Intent, outcome: &mut PlanResult) -> bool {
+        let mut is_about_tour = false;
+        for action in &mut outcome.actions {
+            let clause = usize::try_from(action.clause).ok().and_then(|at| intent.clauses.get(at));
+            let Some(clause) = clause.filter(|clause| clause.act() == Act::Tour) else { continue };
+            is_about_tour = true;
+            if !action.ok {
+                continue;
+            }
+            match self.tours.change(clause.tour(), &action.units).await {
+                Ok("") => {}
+                Ok(text) => action.text = text.to_owned(),
+                Err(reason) => (action.ok, action.text) = (false, reason.to_owned()),
+            }
+        }
+        !is_about_tour && self.tours.interrupt()
     }
 
     /// Asks the intent agent. A third of the time is left to act.
@@ -385,9 +417,7 @@ impl Actor for CoreAgent {
         };
         self.agent_state.answered += 1;
         self.agent_state.refused += u64::from(outcome.as_ref().map_or(true, |r| !r.ok));
-        if let Err(fault) = self.published_state.set(self.agent_state.clone(), &context.next()).await {
-            tracing::warn!(%fault, "the state could not be published");
-        }
+        self.published_state.set(self.agent_state.clone(), &context.next()).await;
         let _ = reply.send(outcome);
         Ok(())
     }

@@ -2,6 +2,8 @@
 
 mod actor;
 mod image_diff;
+mod published_state;
+mod tour;
 
 use std::process::ExitCode;
 

@@ -12,7 +12,10 @@ use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling::ProposedRegion;
 use sg_proto::language::{Act, ActionResult, AgentState, Clause, Plan, PlanResult, ResolvedName};
-use sg_proto::scene::{ChangesRequest, Command, CommandResult, Event, MeasureRequest, State, Target};
+use sg_proto::scene::command::Action;
+use sg_proto::scene::{
+    ChangesRequest, Command, CommandResult, Event, MeasureRequest, SetView, State, Target, set_view,
+};
 use sg_proto::selection::{StrokesReply, StrokesRequest};
 use sg_runtime::actor::{Actor, ActorError, Reply};
 use sg_runtime::bus::{Bus, RetainedValue};
@@ -425,8 +428,49 @@ impl FunctionAgent {
             }
             Step::Change { action, units } => (action, units),
             Step::Strokes(request) => return self.select(&request, id, context).await,
+            Step::BestView(target) => return self.show_best(clause, target, id, state, context).await,
+            // The core agent, which asked, has the tour.
+            Step::Tour { stops, .. } => {
+                let text = report::tour_begins(&stops);
+                return Ok(ActionResult { ok: true, text, units: stops, ..ActionResult::default() });
+            }
             other => return Ok(self.files.carry_out(other, context).await),
         };
+        self.change(clause, (action, units), id, state, context).await
+    }
+
+    /// Looks at a target from the direction that shows most of it.
+    async fn show_best(
+        &self,
+        clause: &Clause,
+        target: Target,
+        id: String,
+        state: &State,
+        context: &Context,
+    ) -> Result<ActionResult, Fault> {
+        let found = match self.labels.best_view(&target, state.revision, context).await {
+            Ok(found) => found,
+            Err(fault) if is_transient(&fault) => return Err(service_fault(role::LABELING, fault)),
+            Err(fault) => return Ok(failure(report::sentence(&fault.message))),
+        };
+        let Some((found, view)) = found.and_then(|found| found.view.map(|view| (found, view))) else {
+            return Ok(failure(report::NO_BEST_VIEW.to_owned()));
+        };
+        let action = Action::SetView(SetView { change: Some(set_view::Change::View(view)) });
+        let done = self.change(clause, (action, target.units.clone()), id, state, context).await?;
+        let text = if done.ok { report::best_view(&target, found.unhidden) } else { done.text };
+        Ok(ActionResult { text, ..done })
+    }
+
+    /// Applies a command to the scene.
+    async fn change(
+        &self,
+        clause: &Clause,
+        (action, units): (Action, Vec<String>),
+        id: String,
+        state: &State,
+        context: &Context,
+    ) -> Result<ActionResult, Fault> {
         let command = Command { id: id.clone(), expected_revision: 0, action: Some(action.clone()) };
         match self.bus.ask(&keys::SCENE_APPLY, &command, &context.next().with_id(id.clone())).await {
             Ok(result) => {

@@ -35,7 +35,7 @@ impl FileRequests {
             Step::Save { request, units } => self.save(request, context).await.map(|text| (text, units)),
             Step::Picture(wish) => self.picture(wish, context).await.map(|text| (text, Vec::new())),
             Step::Open(request) => self.open(&request, context).await.map(|text| (text, Vec::new())),
-            Step::Change { .. } | Step::Answer { .. } | Step::Strokes(_) => {
+            Step::Change { .. } | Step::Answer { .. } | Step::Strokes(_) | Step::BestView(_) | Step::Tour { .. } => {
                 Err(Fault::internal("this step is about no file"))
             }
         };

@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use sg_language::{resolved_names, unit_choice};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome, ProposedRegion};
+use sg_proto::labeling::{Candidate, DescribeRequest, FindRequest, Outcome, ProposedRegion, RegionView, ViewsRequest};
 use sg_proto::language::ResolvedName;
+use sg_proto::scene::Target;
 use sg_runtime::bus::{Bus, BusError};
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
@@ -82,6 +83,27 @@ impl Labels {
             }
             Outcome::NoMatch | Outcome::Unspecified => Meaning::Unknown(reply.regions),
         })
+    }
+
+    /// The view that shows most of a target among the rest of the scene; `None` in a session without the service.
+    ///
+    /// # Errors
+    /// The fault of the service: it is away, or nothing of the target is visible.
+    pub(crate) async fn best_view(
+        &self,
+        target: &Target,
+        revision: u64,
+        context: &Context,
+    ) -> Result<Option<RegionView>, Fault> {
+        if !self.is_served.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let request =
+            ViewsRequest { target: Some(target.clone()), at_least_revision: revision, ..ViewsRequest::default() };
+        let reply = self.bus.ask(&keys::LABELING_VIEWS, &request, &context.next()).await?;
+        // Those are the views that tell most about the target alone. What hides it is in the way of one that tells more.
+        let value = |view: &RegionView| view.entropy * view.unhidden;
+        Ok(reply.views.into_iter().rev().max_by(|a, b| value(a).total_cmp(&value(b))))
     }
 
     /// Words for the look of a unit, or of the selection where the name is empty. None of a session without the service, or of

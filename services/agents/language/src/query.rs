@@ -6,12 +6,16 @@ use sg_proto::scene::{Color, LightMode, Mask, Measure, ShadingTerm, State, Targe
 
 use crate::color;
 use crate::text::{capital, factor, grouped, join, percent, the};
+use crate::unit_names;
 
 /// Largest number of units in a list.
 const MAX_LINES: usize = 40;
 
 /// Least ratio of the enclosed to the filled volume of a closed surface. Below, the grid's cells make the difference.
 const ENCLOSING: f64 = 1.2;
+
+/// What is said where no viewpoint is kept.
+pub(crate) const NOTHING_KEPT: &str = "Nothing is kept yet. Say “keep this view as …”.";
 
 /// Largest number of units in the answer about the selection.
 const MAX_PARTS: usize = 8;
@@ -106,6 +110,17 @@ pub fn list(state: &State, frame: Option<&Frame>) -> String {
         lines.push(format!("  and {} more", summaries.len() - MAX_LINES));
     }
     lines.join("\n")
+}
+
+/// All kept viewpoints, oldest first.
+#[must_use]
+pub fn kept_views(state: &State) -> String {
+    let names: Vec<String> = unit_names::kept_views(state).iter().map(|name| format!("“{name}”")).collect();
+    match names.len() {
+        0 => NOTHING_KEPT.to_owned(),
+        1 => format!("1 viewpoint is kept: {}.", join(&names)),
+        count => format!("{count} viewpoints are kept: {}.", join(&names)),
+    }
 }
 
 /// The selection: number of Gaussians, share of the scene and, with masks, shares of units.
@@ -279,7 +294,7 @@ pub(crate) fn term_name(term: ShadingTerm) -> &'static str {
 mod tests {
     use super::*;
     use sg_proto::render::UnitCoverage;
-    use sg_proto::scene::{BaseUnit, Selection, Unit};
+    use sg_proto::scene::{BaseUnit, KeptView, Selection, Unit};
 
     fn scene_of_two() -> State {
         State {
@@ -355,6 +370,17 @@ mod tests {
             "The vessels measure about 123 × 80 × 96 mm and fill about 1.2 mm³."
         );
         assert_eq!(size(&of("heart"), &measure(5.4e-4, 0.0)), None, "no unit, no size");
+    }
+
+    #[test]
+    fn kept_viewpoints_are_listed_in_their_order() {
+        let kept = |names: &[&str]| {
+            let kept = |name: &&str| KeptView { name: (*name).to_owned(), ..KeptView::default() };
+            kept_views(&State { kept_views: names.iter().map(kept).collect(), ..State::default() })
+        };
+        assert_eq!(kept(&[]), "Nothing is kept yet. Say “keep this view as …”.");
+        assert_eq!(kept(&["entry"]), "1 viewpoint is kept: “entry”.");
+        assert_eq!(kept(&["view 2", "entry", "home"]), "3 viewpoints are kept: “view 2”, “entry” and “home”.");
     }
 
     #[test]

@@ -17,6 +17,12 @@ use crate::commands::{movement, tone, transfer_function};
 use crate::query;
 use crate::text::{capital, factor, grouped, is_plural, join, percent, target, the};
 
+/// Share of a target from which on nothing hides it.
+const UNHIDDEN: f64 = 0.995;
+
+/// Stops of a tour that are named at its beginning.
+const NAMED_STOPS: usize = 6;
+
 fn subject(of: Option<&Target>) -> (String, &'static str) {
     let nothing = Target::default();
     let (name, plural) = target(of.unwrap_or(&nothing));
@@ -25,7 +31,7 @@ fn subject(of: Option<&Target>) -> (String, &'static str) {
 
 /// One sentence about an executed command. `before` is the scene before the command.
 ///
-/// Undo and redo use the summary of the scene.
+/// Undo, redo and kept viewpoints use the summary of the scene.
 #[must_use]
 pub fn action(clause: &Clause, action: &Action, before: &State, result: &CommandResult) -> String {
     match action {
@@ -60,7 +66,8 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
             format!("The background is now {name}.")
         }
         Action::SetTerm(set) => format!("The picture now shows the {}.", query::term_name(set.term())),
-        Action::SetView(set) => set.change.as_ref().map_or_else(String::new, view),
+        Action::SetView(set) => set.change.as_ref().map_or_else(String::new, |change| view(change, &result.summary)),
+        Action::KeepView(_) | Action::ForgetView(_) => sentence(&result.summary),
         Action::Select(select) => match &select.target {
             None => "Nothing is selected now.".to_owned(),
             Some(of) if of.selection && of.complement => "The selection is inverted.".to_owned(),
@@ -108,6 +115,38 @@ pub fn action(clause: &Clause, action: &Action, before: &State, result: &Command
         Action::AdjustTransferFunction(adjust) => transfer_function::report(clause, adjust, &result.summary),
         Action::Undo(_) | Action::Redo(_) | Action::CommitSelection(_) => sentence(&result.summary),
     }
+}
+
+/// The reason why there is no best view.
+pub const NO_BEST_VIEW: &str = "The best view needs the labeling service, and this session has none.";
+
+/// One sentence about the view that shows most of a target, of which `unhidden` is the share that nothing hides.
+#[must_use]
+pub fn best_view(of: &Target, unhidden: f64) -> String {
+    let (what, plural) = target(of);
+    if of.everything {
+        return "This view shows most of the scene.".to_owned();
+    }
+    let it = if plural { "them" } else { "it" };
+    if unhidden >= UNHIDDEN {
+        format!("This view shows most of {what}, and nothing hides {it}.")
+    } else {
+        format!("This view shows most of {what}; {} of {it} is not hidden by anything.", percent(unhidden))
+    }
+}
+
+/// One sentence about a tour that begins; none for a change of one.
+#[must_use]
+pub fn tour_begins(stops: &[String]) -> String {
+    let names: Vec<String> = stops.iter().take(NAMED_STOPS).map(|stop| the(stop)).collect();
+    let more = stops.len() - names.len();
+    let first = match (stops.len(), more) {
+        (0, _) => return String::new(),
+        (1, _) => format!("A tour with one stop: {}.", join(&names)),
+        (count, 0) => format!("A tour of {count} stops: {}.", join(&names)),
+        (count, more) => format!("A tour of {count} stops: {} and {more} more.", names.join(", ")),
+    };
+    format!("{first} Say “next”, “pause” or “stop the tour”.")
 }
 
 /// One sentence about a saved file.
@@ -220,7 +259,7 @@ fn light(set: &SetLight) -> String {
     if parts.is_empty() { "The light is as it was.".to_owned() } else { format!("{}.", capital(&join(&parts))) }
 }
 
-fn view(change: &set_view::Change) -> String {
+fn view(change: &set_view::Change, summary: &str) -> String {
     match change {
         set_view::Change::View(_) => "The view has changed.".to_owned(),
         set_view::Change::Named(name) => match NamedView::try_from(*name).unwrap_or_default() {
@@ -249,6 +288,7 @@ fn view(change: &set_view::Change) -> String {
         }
         set_view::Change::Zoom(by) if *by < 1.0 => format!("Zoomed out by a factor of {}.", factor(1.0 / by)),
         set_view::Change::Zoom(by) => format!("Zoomed in by a factor of {}.", factor(*by)),
+        set_view::Change::Kept(_) => sentence(summary),
         set_view::Change::Up(_) => "Another side of the scene is up.".to_owned(),
         set_view::Change::Focus(of) => {
             let (what, _) = target(of);
@@ -260,7 +300,7 @@ fn view(change: &set_view::Change) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sg_proto::scene::{Color, Select, SetColor, SetView, Unit};
+    use sg_proto::scene::{Color, ForgetView, KeepView, Select, SetColor, SetView, Unit};
 
     fn units(names: &[&str]) -> Option<Target> {
         Some(Target { units: names.iter().map(|n| (*n).to_owned()).collect(), ..Target::default() })
@@ -283,6 +323,20 @@ mod tests {
         let volume = OpenReply { volume: true, ..OpenReply::default() };
         let said = "head.nrrd opens in a window of its own, as soon as Gaussians are made of it.";
         assert_eq!(opens(&request, &volume), said);
+    }
+
+    #[test]
+    fn kept_viewpoints_are_told_by_the_scene() {
+        let told = |action: Action, summary: &str| {
+            let result = CommandResult { summary: summary.to_owned(), ..CommandResult::default() };
+            super::action(&Clause::default(), &action, &State::default(), &result)
+        };
+        let keep = Action::KeepView(KeepView::default());
+        assert_eq!(told(keep, "kept the view as view 1"), "Kept the view as view 1.");
+        let forget = Action::ForgetView(ForgetView { name: "entry".to_owned() });
+        assert_eq!(told(forget, "forgot the view entry"), "Forgot the view entry.");
+        let go = Action::SetView(SetView { change: Some(set_view::Change::Kept("entry".to_owned())) });
+        assert_eq!(told(go, "went to the view entry"), "Went to the view entry.");
     }
 
     #[test]

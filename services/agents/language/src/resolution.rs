@@ -9,13 +9,14 @@
 use std::fmt::Write as _;
 
 use sg_proto::bus::Code;
-use sg_proto::language::{Clause, Reference};
+use sg_proto::language::{Clause, Reference, TourStep};
 use sg_proto::launch::{OpenRequest, SaveRequest};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{Color, State, Target};
 use sg_proto::selection::StrokesRequest;
 
+use crate::query::NOTHING_KEPT;
 use crate::unit_names::{self, Lookup};
 
 /// A clause that does not fit the scene.
@@ -74,6 +75,15 @@ pub enum Step {
     Open(OpenRequest),
     /// Steps for the selection service.
     Strokes(StrokesRequest),
+    /// The view that shows most of a target.
+    BestView(Target),
+    /// A tour that begins, or a change of the one that is under way.
+    Tour {
+        /// The change.
+        step: TourStep,
+        /// Names of the units in their order; empty unless the tour begins.
+        stops: Vec<String>,
+    },
 }
 
 /// A picture to draw and to save.
@@ -98,13 +108,20 @@ impl Step {
 const LISTED_NAMES: usize = 12;
 
 fn name_list(state: &State) -> String {
-    let names = unit_names::addressable(state);
+    listed(&unit_names::addressable(state))
+}
+
+fn listed(names: &[&str]) -> String {
     let shown = names.iter().take(LISTED_NAMES).copied().collect::<Vec<_>>().join(", ");
     match names.len() {
         0 => "none".to_owned(),
         n if n > LISTED_NAMES => format!("{shown} and {} more", n - LISTED_NAMES),
         _ => shown,
     }
+}
+
+fn quoted(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| format!("“{name}”")).collect()
 }
 
 /// Finds the unit with a spoken name.
@@ -114,25 +131,52 @@ fn name_list(state: &State) -> String {
 pub fn unit<'s>(spoken: &str, state: &'s State) -> Result<&'s str, Refusal> {
     match unit_names::lookup(spoken, &unit_names::all(state)) {
         Lookup::Unique(name) => Ok(name),
-        Lookup::Ambiguous(names) => {
-            let names: Vec<String> = names.iter().map(|n| format!("“{n}”")).collect();
-            Err(Refusal::invalid(format!(
-                "“{spoken}” matches several units: {}. Say the exact name in quotation marks.",
-                names.join(", ")
-            )))
-        }
+        Lookup::Ambiguous(names) => Err(Refusal::invalid(format!(
+            "“{spoken}” matches several units: {}. Say the exact name in quotation marks.",
+            quoted(&names).join(", ")
+        ))),
         Lookup::Missing(similar) => {
             let mut message = if similar.is_empty() {
                 format!("Nothing is named “{spoken}” yet. Brush it, press Ctrl+S, name it.")
             } else {
-                let similar: Vec<String> = similar.iter().map(|n| format!("“{n}”")).collect();
-                format!("Nothing is named “{spoken}”. Did you mean {}?", similar.join(" or "))
+                format!("Nothing is named “{spoken}”. Did you mean {}?", quoted(&similar).join(" or "))
             };
             if !unit_names::addressable(state).is_empty() {
                 let _ = write!(message, " Names: {}.", name_list(state));
             }
             let details = unit_names::addressable(state).into_iter().map(str::to_owned).collect();
             Err(Refusal { code: Code::NotFound, message, details })
+        }
+    }
+}
+
+/// Finds the kept viewpoint with a spoken name.
+///
+/// # Errors
+/// `NotFound` with similar names, `InvalidArgument` where several names match or none is said.
+pub(crate) fn kept_view<'s>(spoken: &str, state: &'s State) -> Result<&'s str, Refusal> {
+    let spoken = spoken.trim();
+    if spoken.is_empty() {
+        return Err(missing("name of a viewpoint"));
+    }
+    let names = unit_names::kept_views(state);
+    if names.is_empty() {
+        return Err(Refusal::new(Code::NotFound, NOTHING_KEPT));
+    }
+    match unit_names::lookup(spoken, &names) {
+        Lookup::Unique(name) => Ok(name),
+        Lookup::Ambiguous(several) => Err(Refusal::invalid(format!(
+            "“{spoken}” matches several viewpoints: {}. Say the exact name in quotation marks.",
+            quoted(&several).join(", ")
+        ))),
+        Lookup::Missing(similar) => {
+            let question = if similar.is_empty() {
+                String::new()
+            } else {
+                format!(" Did you mean {}?", quoted(&similar).join(" or "))
+            };
+            let message = format!("No viewpoint is kept as “{spoken}”.{question} Kept: {}.", listed(&names));
+            Err(Refusal { code: Code::NotFound, message, details: names.into_iter().map(str::to_owned).collect() })
         }
     }
 }

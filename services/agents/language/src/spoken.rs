@@ -19,7 +19,9 @@ pub const COLOR: &str = "color";
 pub const PERCENT: &str = "percent";
 /// Angles in degrees.
 pub const DEGREES: &str = "degrees";
-/// Names that a unit may get.
+/// Names of viewpoints that are kept.
+pub const VIEW: &str = "view";
+/// Names that a unit or a viewpoint may get.
 pub const NEW_NAME: &str = "new_name";
 
 /// Most names of units in a slot: more are hard to tell apart by ear.
@@ -124,6 +126,27 @@ pub const COMMANDS: &[Spoken] = &[
             "(view | look | show it) from (above | below | behind | the left | the right | the front | the back | the top)",
             "(rotate | turn) (left | right | up | down) [[by] {degrees} degrees]",
             "reset the view",
+            "(go to | go back to | show) the (bookmark | view) {view}",
+            "go [back] to the {view} view",
+        ],
+    ),
+    row(Act::KeepView, &["(remember | keep | bookmark) this view [as {new_name}]", "bookmark this"]),
+    row(Act::ListViews, &["list the bookmarks", "which views are kept", "show my bookmarks"]),
+    // The scene names the first viewpoint "view 1" if nobody does.
+    row(Act::ForgetView, &["(forget | delete) (view 1 | the bookmark {view} | the view {view})"]),
+    row(
+        Act::BestView,
+        &["[show me] the best view [of (the {unit} | it | the selection)]", "show the {unit} from its best side"],
+    ),
+    row(
+        Act::Tour,
+        &[
+            "(give me | start) a tour",
+            "(pause | stop | continue) the tour",
+            "(next | previous) stop",
+            "next",
+            "pause",
+            "go on",
         ],
     ),
     row(
@@ -185,6 +208,7 @@ pub fn slots(state: &State) -> Vec<(&'static str, Vec<&str>)> {
         (COLOR, COLORS.to_vec()),
         (PERCENT, PERCENTS.to_vec()),
         (DEGREES, ANGLES.to_vec()),
+        (VIEW, unit_names::kept_views(state)),
         (NEW_NAME, NEW_NAMES.to_vec()),
     ]
 }
@@ -193,7 +217,10 @@ pub fn slots(state: &State) -> Vec<(&'static str, Vec<&str>)> {
 #[must_use]
 pub fn needs_confirmation(intent: &Intent) -> bool {
     let takes_away = |act: Act| {
-        matches!(act, Act::DeleteGaussians | Act::Delete | Act::Merge | Act::Reset | Act::ResetTransferFunction)
+        matches!(
+            act,
+            Act::DeleteGaussians | Act::Delete | Act::Merge | Act::Reset | Act::ResetTransferFunction | Act::ForgetView
+        )
     };
     intent.clauses.iter().any(|clause| takes_away(clause.act()))
 }

@@ -1,4 +1,4 @@
-//! Lookup of spoken names among the units of a scene.
+//! Lookup of spoken names among the units and the kept viewpoints of a scene.
 
 use sg_proto::scene::State;
 
@@ -18,10 +18,16 @@ pub fn all(state: &State) -> Vec<&str> {
     base.chain(state.units.iter().map(|u| u.name.as_str())).collect()
 }
 
+/// Names of kept viewpoints, oldest first.
+#[must_use]
+pub fn kept_views(state: &State) -> Vec<&str> {
+    state.kept_views.iter().map(|kept| kept.name.as_str()).collect()
+}
+
 /// The result of a lookup.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Lookup<'n> {
-    /// One unit matches.
+    /// One name matches.
     Unique(&'n str),
     /// Several names match equally well.
     Ambiguous(Vec<&'n str>),

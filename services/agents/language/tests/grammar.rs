@@ -10,7 +10,7 @@ use sg_proto::language::movement::Kind;
 use sg_proto::language::{Act, Clause, Observation, Reference};
 use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::{
-    Axis, BaseUnit, Color, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit,
+    Axis, BaseUnit, Color, KeptView, LightMode, NamedView, Selection, SetLight, SetOperation, ShadingTerm, State, Unit,
     ValueColor, ValueRange, ValueScale, Vector, View, set_view,
 };
 
@@ -27,6 +27,8 @@ struct Scene {
     units: Vec<String>,
     #[serde(default)]
     selected: bool,
+    #[serde(default)]
+    views: Vec<String>,
     case: Vec<Case>,
 }
 
@@ -62,6 +64,16 @@ fn observation(units: &[&str], selected: bool) -> Observation {
         ..State::default()
     };
     Observation { moment: "before".into(), scene: Some(scene), ..Observation::default() }
+}
+
+impl Scene {
+    fn observation(&self) -> Observation {
+        let units: Vec<&str> = self.units.iter().map(String::as_str).collect();
+        let mut observation = observation(&units, self.selected);
+        let kept = |name: &String| KeptView { name: name.clone(), ..KeptView::default() };
+        observation.scene.as_mut().unwrap().kept_views = self.views.iter().map(kept).collect();
+        observation
+    }
 }
 
 /// A number with at most three digits after the point.
@@ -129,6 +141,7 @@ fn view(clause: &Clause) -> String {
         set_view::Change::Zoom(factor) => format!("zoom {}", number(*factor)),
         set_view::Change::Focus(_) => format!("look at {about}"),
         set_view::Change::Up(axis) => format!("up {axis}"),
+        set_view::Change::Kept(name) => format!("kept view {name}"),
     }
 }
 
@@ -238,6 +251,13 @@ fn short(clause: &Clause) -> String {
         }
         Act::AdjustTransferFunction => adjusted(clause),
         Act::Merge => format!("merge {about} -> {}", clause.name),
+        Act::BestView => format!("best view {about}").trim_end().to_owned(),
+        Act::Tour => {
+            let step = clause.tour().as_str_name().trim_start_matches("TOUR_STEP_").to_lowercase();
+            format!("tour {step} {about}").trim_end().to_owned()
+        }
+        Act::KeepView => format!("keep view -> {}", clause.name),
+        Act::ForgetView => format!("forget view {}", clause.name),
         Act::Duplicate => format!("duplicate {about} -> {}", clause.name),
         Act::SetTone => {
             let tone = clause.tone.as_ref().unwrap();
@@ -271,8 +291,7 @@ fn every_utterance_of_the_corpus_has_its_intent() {
     let mut utterances = 0;
     let mut refusals = 0;
     for scene in &corpus.scene {
-        let units: Vec<&str> = scene.units.iter().map(String::as_str).collect();
-        let observation = observation(&units, scene.selected);
+        let observation = scene.observation();
         for case in &scene.case {
             utterances += 1;
             refusals += usize::from(case.means.is_empty());
@@ -320,8 +339,7 @@ fn it_turns_after_a_command_on_a_unit() {
 #[test]
 fn politeness_and_capitals_do_not_change_the_intent() {
     for scene in &corpus().scene {
-        let units: Vec<&str> = scene.units.iter().map(String::as_str).collect();
-        let observation = observation(&units, scene.selected);
+        let observation = scene.observation();
         for case in scene.case.iter().filter(|c| !c.means.is_empty() && c.misses.is_empty()) {
             for said in [
                 format!("Please {}", case.say),

@@ -3,7 +3,7 @@
 
 use sg_language::grammar;
 use sg_proto::language::{Act, Clause, Intent, IntentRequest, Observation, Turn};
-use sg_proto::scene::{BaseUnit, Selection, State};
+use sg_proto::scene::{BaseUnit, KeptView, Selection, State, set_view};
 
 const UNITS: [&str; 4] = ["bone", "vessel", "sac", "skin"];
 
@@ -119,6 +119,22 @@ fn one_clear_spelling_is_acted_on_and_told() {
     let unknown = interpret("hide the liver", &[]);
     assert_eq!(unknown.clauses[0].target.as_ref().unwrap().names, ["liver"]);
     assert!(unknown.read_as.is_empty() && interpret("what a nice day", &[]).clauses.is_empty());
+}
+
+#[test]
+fn names_of_kept_viewpoints_are_spelled_as_they_are_kept() {
+    let mut request = request("go to the bookmark aortc", &[]);
+    let scene = request.observation.as_mut().and_then(|o| o.scene.as_mut()).unwrap();
+    scene.kept_views = vec![KeptView { name: "aortic".to_owned(), ..KeptView::default() }];
+    let intent = grammar::interpret(&request).unwrap();
+    assert_eq!(intent.read_as, "go to the bookmark aortic");
+    let view = intent.clauses[0].view.as_ref().unwrap();
+    assert_eq!(view.change, Some(set_view::Change::Kept("aortic".to_owned())));
+    // Nothing is kept or forgotten by a guess.
+    for said in ["forget the bookmark aortc", "rember this view as aortic"] {
+        request.text = said.to_owned();
+        assert!(grammar::interpret(&request).unwrap().read_as.is_empty(), "“{said}”");
+    }
 }
 
 #[test]

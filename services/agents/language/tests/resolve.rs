@@ -15,10 +15,10 @@ use sg_proto::render::{Frame, UnitCoverage};
 use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    AdjustTransferFunction, Axis, BaseUnit, Color, CommandResult, DuplicateGaussians, MergeUnits, PatientSide,
-    RenameUnit, Selection, SetLight, SetOperation, SetTone, SetTransferFunction, SetView, State, Target,
-    TransferFunction, TransformGaussians, Unit, ValueColor, ValueRange, ValueScale, ValueWindow, Vector, View, Volume,
-    set_view,
+    AdjustTransferFunction, Axis, BaseUnit, Color, CommandResult, DuplicateGaussians, ForgetView, KeepView, KeptView,
+    MergeUnits, PatientSide, RenameUnit, Selection, SetLight, SetOperation, SetTone, SetTransferFunction, SetView,
+    State, Target, TransferFunction, TransformGaussians, Unit, ValueColor, ValueRange, ValueScale, ValueWindow, Vector,
+    View, Volume, set_view,
 };
 use sg_proto::selection::{Answer, AnswerStep, Answers, StrokesReply, StrokesRequest};
 
@@ -384,6 +384,8 @@ proptest! {
             Ok(Step::Save { request, .. }) => prop_assert!(request.content.is_some() && !request.replace),
             Ok(Step::Picture(wish)) => prop_assert!((1..=4).contains(&wish.scale)),
             Ok(Step::Open(request)) => prop_assert!(!request.path.is_empty()),
+            Ok(Step::BestView(target)) => prop_assert!(target != Target::default()),
+            Ok(Step::Tour { stops, .. }) => prop_assert!(stops.len() <= 32),
             Ok(Step::Strokes(request)) => prop_assert!(request.answer() != AnswerStep::Unspecified),
         }
     }
@@ -604,4 +606,82 @@ fn a_target_is_duplicated_under_a_free_name_and_the_copy_can_be_renamed() {
     state.base_units.iter_mut().for_each(|unit| unit.duplicated = unit.name == "leaves");
     let renamed = RenameUnit { name: "leaves".into(), new_name: "twin".into() };
     assert_eq!(action(&rename, &state), Action::RenameUnit(renamed));
+}
+
+/// The scene with these viewpoints kept.
+fn kept(names: &[&str]) -> State {
+    let kept = |name: &&str| KeptView { name: (*name).to_owned(), ..KeptView::default() };
+    State { kept_views: names.iter().map(kept).collect(), ..scene() }
+}
+
+fn to_kept(name: &str) -> Clause {
+    let view = SetView { change: Some(set_view::Change::Kept(name.to_owned())) };
+    Clause { act: Act::SetView.into(), view: Some(view), ..Clause::default() }
+}
+
+fn about_view(act: Act, name: &str) -> Clause {
+    Clause { act: act.into(), name: name.to_owned(), ..Clause::default() }
+}
+
+#[test]
+fn kept_viewpoints_are_found_as_units_are() {
+    let state = kept(&["entry", "Front-left", "view 2"]);
+    for (spoken, name) in [
+        ("entry", "entry"),
+        ("ENTRY", "entry"),
+        ("the entries", "entry"),
+        ("front left", "Front-left"),
+        ("view 2", "view 2"),
+    ] {
+        let view = Some(set_view::Change::Kept(name.to_owned()));
+        assert_eq!(action(&to_kept(spoken), &state), Action::SetView(SetView { change: view }), "{spoken}");
+        let forget = ForgetView { name: name.to_owned() };
+        assert_eq!(action(&about_view(Act::ForgetView, spoken), &state), Action::ForgetView(forget), "{spoken}");
+    }
+}
+
+#[test]
+fn an_unknown_viewpoint_is_refused_with_what_is_kept() {
+    let state = kept(&["entry", "view 2"]);
+    for clause in [to_kept("entra"), about_view(Act::ForgetView, "entra")] {
+        let refusal = refusal(&clause, &state);
+        assert_eq!(refusal.code, Code::NotFound);
+        assert_eq!(refusal.message, "No viewpoint is kept as “entra”. Did you mean “entry”? Kept: entry, view 2.");
+        assert_eq!(refusal.details, ["entry", "view 2"]);
+    }
+    let strange = refusal(&to_kept("weather"), &state).message;
+    assert_eq!(strange, "No viewpoint is kept as “weather”. Kept: entry, view 2.");
+    let none = refusal(&to_kept("entry"), &scene());
+    assert_eq!((none.code, none.message.as_str()), (Code::NotFound, "Nothing is kept yet. Say “keep this view as …”."));
+    let unclear = refusal(&to_kept("ENTRY"), &kept(&["entry", "Entry"]));
+    assert_eq!(unclear.code, Code::InvalidArgument);
+    assert!(unclear.message.contains("matches several viewpoints: “entry”, “Entry”"), "{unclear}");
+    for clause in [to_kept(" "), about_view(Act::ForgetView, "")] {
+        assert_eq!(refusal(&clause, &state).message, "The clause has no name of a viewpoint.");
+    }
+}
+
+#[test]
+fn a_viewpoint_is_kept_under_its_name_or_one_of_the_scenes_choice() {
+    let keep = |name: &str, state: &State| action(&about_view(Act::KeepView, name), state);
+    let made = |name: &str| Action::KeepView(KeepView { name: name.to_owned() });
+    assert_eq!(keep("", &scene()), made(""));
+    assert_eq!(keep(" home two ", &scene()), made("home two"));
+    // A unit may have the same name, and other capitals replace.
+    assert_eq!(keep("sac", &scene()), made("sac"));
+    assert_eq!(keep("entry", &kept(&["Entry"])), made("Entry"));
+    assert_eq!(keep("entry", &kept(&["Entry", "entry"])), made("entry"));
+    assert_eq!(keep("entries", &kept(&["entry"])), made("entries"));
+    assert_eq!(refusal(&about_view(Act::KeepView, &"n".repeat(200)), &scene()).code, Code::InvalidArgument);
+}
+
+#[test]
+fn kept_viewpoints_are_listed() {
+    let list = about_view(Act::ListViews, "");
+    let listed = |state: &State| match commands::resolve(&list, state, None) {
+        Ok(Step::Answer { text, units }) if units.is_empty() => text,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(listed(&kept(&["entry", "view 2"])), "2 viewpoints are kept: “entry” and “view 2”.");
+    assert_eq!(listed(&scene()), "Nothing is kept yet. Say “keep this view as …”.");
 }

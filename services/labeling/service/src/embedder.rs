@@ -24,8 +24,10 @@ use crate::unit_embeddings::{Fused, UnitEmbeddings};
 pub(crate) const MAX_UNITS: usize = 256;
 /// Most Gaussians of a unit that is embedded: drawing more would take a minute.
 const MAX_GAUSSIANS: usize = 1_000_000;
-/// Time without a change of the scene after which units are embedded.
+/// Time without a change of the scene after which units are embedded: a dragged slider changes a colour many times.
 const SETTLED: Duration = Duration::from_millis(250);
+/// The same time where a unit is new: nobody saves one in passing.
+const SAVED: Duration = Duration::from_millis(20);
 /// Time before each further try of a unit that could not be embedded.
 const RETRIES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
 /// Most regions that are embedded.
@@ -125,7 +127,9 @@ impl Embedder {
                 }
             }
             loop {
-                match tokio::time::timeout(SETTLED, self.scene.changed()).await {
+                let is_new = has_new_unit(&state, self.scene.newest().replica.state());
+                let pause = if is_new { SAVED } else { SETTLED };
+                match tokio::time::timeout(pause, self.scene.changed()).await {
                     Ok(Some(_)) => {}
                     Ok(None) => return,
                     Err(_) => break,
@@ -320,4 +324,35 @@ pub(crate) fn prepare(
 /// Whether two states have the same units under the same names, and all look the same.
 fn has_same_units(a: &EditState, b: &EditState) -> bool {
     a.revision() == b.revision() || (labelled(a).eq(labelled(b)) && looks_alike(a, b))
+}
+
+/// Whether a later state has a unit whose name the former one does not have.
+fn has_new_unit(former: &EditState, later: &EditState) -> bool {
+    labelled(later).any(|(name, _)| labelled(former).all(|(known, _)| known != name))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use sg_proto::scene::command::Action;
+    use sg_proto::scene::{Color, SaveUnit, Select, SetColor, Target};
+    use sg_scene::synthetic::test_scene;
+
+    use super::*;
+
+    #[test]
+    fn a_saved_unit_is_new_and_a_changed_one_is_not() {
+        let scene = Arc::new(test_scene(&[("bone", 30), ("skin", 40)]));
+        let opened = EditState::of_scene(&scene, "", "");
+        let named = |name: &str| Some(Target { units: vec![name.to_owned()], ..Target::default() });
+        let select = Action::Select(Select { target: named("bone"), ..Select::default() });
+        let selected = opened.after(&scene, select).unwrap();
+        let saved = selected.after(&scene, Action::SaveUnit(SaveUnit { name: "skull".into(), ..SaveUnit::default() }));
+        let saved = saved.unwrap();
+        let color = Some(Color { red: 0.9, green: 0.1, blue: 0.1 });
+        let painted = saved.after(&scene, Action::SetColor(SetColor { target: named("skull"), color })).unwrap();
+        assert!(!has_new_unit(&opened, &selected) && has_new_unit(&selected, &saved));
+        assert!(!has_new_unit(&saved, &painted) && !has_new_unit(&saved, &selected));
+    }
 }

@@ -143,6 +143,7 @@ fn displayed(unit: &BaseUnit, i: usize) -> Gaussian {
         color: unit.unlit_color(i).as_vec3().clamp(Vec3::ZERO, Vec3::ONE).to_array(),
         opacity: (gaussians.opacity(i) * unit.opacity).min(1.0),
         deviation: stretch * (f64::from(gaussians.log_scale[i].element_sum()) / 3.0).exp(),
+        area: stretch * stretch * gaussians.mean_area(i),
     }
 }
 

@@ -12,7 +12,7 @@ use sg_scene::model::Scene;
 
 use crate::embedder::{EmbeddingProblem, MAX_UNITS, Prepared, prepare};
 use crate::measured_units::{MeasuredUnits, Units, labelled};
-use crate::picture_encoder::{PictureEncoder, PictureError, RegionEmbedding};
+use crate::picture_encoder::{PictureEncoder, RegionEmbedding};
 use crate::region_views::ViewOrder;
 use crate::unit_embeddings::UnitEmbeddings;
 
@@ -83,9 +83,8 @@ impl OfflineScene {
         orders: &[ViewOrder],
     ) -> Result<EmbeddedUnit, EmbeddingProblem> {
         let Prepared { alone, edge, key } = prepare(&self.placed, &self.state, &self.state.members(unit), encoder)?;
-        let made = |order: &ViewOrder| encoder.encode_region_by(*order, alone.clone(), edge, &|| Ok(()));
-        let by_order: Result<Vec<RegionEmbedding>, PictureError> = orders.iter().map(made).collect();
-        Ok(EmbeddedUnit { name: name.to_owned(), key, by_order: by_order? })
+        let by_order = encoder.encode_region_by(orders, alone, edge)?;
+        Ok(EmbeddedUnit { name: name.to_owned(), key, by_order })
     }
 
     /// Embeds each unit as a session does.
@@ -131,6 +130,7 @@ mod tests {
     use sg_scene::synthetic::test_scene;
 
     use super::*;
+    use crate::picture_encoder::PictureError;
     use crate::region_views::RegionViewsError;
     use crate::unit_embeddings::FusionChoice;
 

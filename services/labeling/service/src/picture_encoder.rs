@@ -1,6 +1,7 @@
 //! Embeddings of pictures of a region, and of texts, by an image-text model such as CLIP.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use serde::Deserialize;
 use sg_encoders::{Embedding, EncoderError, ImageTextEncoder, ImageTextModel, Pixels, RgbImage};
@@ -12,10 +13,10 @@ use sg_raster::render::{Quality, render};
 use sg_scene::model::Scene;
 
 use crate::label_encoder::threads;
-use crate::region_views::{BestViews, RegionViewsError, ViewOrder, ViewsOptions};
+use crate::region_views::{ChoicePictures, MeasuredViews, RegionViewsError, ViewOrder};
 
-/// Side of the pictures by which views are chosen.
-const CHOICE_PIXELS: u32 = 128;
+/// The pictures by which views are chosen.
+const CHOICE: ChoicePictures = ChoicePictures { pixels: 64, quality: Quality::Fast, gaussians: 4096 };
 /// Side of the pictures that are encoded. The model makes them as large as it needs them; usual models take 224 or more.
 const PICTURE_PIXELS: u32 = 256;
 /// Files of a model that its embeddings depend on, those that are there.
@@ -157,24 +158,42 @@ impl PictureEncoder {
         edge: f64,
         between: &dyn Fn() -> Result<(), RegionViewsError>,
     ) -> Result<RegionEmbedding, PictureError> {
-        self.encode_region_by(ViewOrder::default(), alone, edge, between)
+        let start = Instant::now();
+        let measured = measure_views(alone, edge, between)?;
+        self.encode_views(&measured, ViewOrder::default(), start, between)
     }
 
-    /// As [`PictureEncoder::encode_region`], of the views that are best by some order. [`PictureEncoder::key`] names the embedding
-    /// of the usual order alone.
+    /// As [`PictureEncoder::encode_region`], one embedding for each of some orders of the views, which are measured once. The time
+    /// of measuring counts for each. [`PictureEncoder::key`] names the embedding of the usual order alone.
     ///
     /// # Errors
     /// [`PictureError`].
     pub(crate) fn encode_region_by(
         &self,
-        order: ViewOrder,
+        orders: &[ViewOrder],
         alone: Scene,
         edge: f64,
+    ) -> Result<Vec<RegionEmbedding>, PictureError> {
+        let start = Instant::now();
+        let measured = measure_views(alone, edge, &|| Ok(()))?;
+        let measuring = start.elapsed();
+        let of_order = |order: &ViewOrder| {
+            let begun = Instant::now().checked_sub(measuring).unwrap_or(start);
+            self.encode_views(&measured, *order, begun, &|| Ok(()))
+        };
+        orders.iter().map(of_order).collect()
+    }
+
+    /// The mean embedding of the views that are best by an order. Drawing began at `start`.
+    fn encode_views(
+        &self,
+        measured: &MeasuredViews,
+        order: ViewOrder,
+        start: Instant,
         between: &dyn Fn() -> Result<(), RegionViewsError>,
     ) -> Result<RegionEmbedding, PictureError> {
-        let start = std::time::Instant::now();
         let mut pictures = Vec::with_capacity(self.views);
-        for image in self.draw(order, alone, edge, between)? {
+        for image in self.draw(measured, order, between)? {
             let (width, height) = (image.width as usize, image.height as usize);
             pictures.push(RgbImage::new(width, height, Pixels::Bytes(image.rgb8()))?);
         }
@@ -188,23 +207,17 @@ impl PictureEncoder {
     }
 
     /// The pictures of a region that are encoded, the best view first.
-    ///
-    /// # Errors
-    /// [`RegionViewsError`].
-    pub(crate) fn draw(
+    fn draw(
         &self,
+        measured: &MeasuredViews,
         order: ViewOrder,
-        alone: Scene,
-        edge: f64,
         between: &dyn Fn() -> Result<(), RegionViewsError>,
     ) -> Result<Vec<Image>, RegionViewsError> {
-        let options = ViewsOptions { count: self.views, pixels: CHOICE_PIXELS, order, pictures: false };
-        let best = BestViews::of(alone, (edge, &Frame::XYZ), options, between)?;
         let mut pictures = Vec::with_capacity(self.views);
-        for (view, _) in best.chosen() {
+        for (view, _) in measured.best(order, self.views)? {
             between()?;
             let camera = view.camera(PICTURE_PIXELS, PICTURE_PIXELS);
-            pictures.push(render(&best.alone, &best.look, &camera, Quality::Standard)?.image);
+            pictures.push(render(&measured.alone, &measured.look, &camera, Quality::Standard)?.image);
         }
         Ok(pictures)
     }
@@ -238,6 +251,13 @@ impl PictureEncoder {
         1.0 / (1.0 + sum)
     }
 
+    /// The best picture of a region.
+    #[cfg(test)]
+    pub(crate) fn best_picture(&self, alone: Scene, edge: f64) -> Image {
+        let measured = measure_views(alone, edge, &|| Ok(())).unwrap();
+        self.draw(&measured, ViewOrder::default(), &|| Ok(())).unwrap().remove(0)
+    }
+
     /// A model with tiny random weights.
     #[cfg(test)]
     pub(crate) fn tiny(views: usize) -> Self {
@@ -250,6 +270,15 @@ impl PictureEncoder {
         let model = Box::new(ImageTextModel::with_random_weights(folder, Precision::F32, 1).unwrap());
         Self { model, name: name_of(folder), method: method(folder, Precision::F32, views, None).unwrap(), views }
     }
+}
+
+/// The views around a region, measured as their choice needs it.
+fn measure_views(
+    alone: Scene,
+    edge: f64,
+    between: &dyn Fn() -> Result<(), RegionViewsError>,
+) -> Result<MeasuredViews, RegionViewsError> {
+    MeasuredViews::of(alone, (edge, &Frame::XYZ), CHOICE, between)
 }
 
 /// The folder of a model that the tests of the encoders use.
@@ -271,7 +300,7 @@ fn method(
 ) -> Result<blake3::Hash, PictureError> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(METHOD);
-    hasher.update(format!("{precision:?} {views} {CHOICE_PIXELS} {PICTURE_PIXELS} {CAPTION}").as_bytes());
+    hasher.update(format!("{precision:?} {views} {CHOICE:?} {PICTURE_PIXELS} {CAPTION}").as_bytes());
     if let Some(runtime) = runtime {
         hasher.update(format!("ONNX Runtime {}", runtime.version()).as_bytes());
     }
@@ -380,10 +409,10 @@ mod tests {
                     best = made;
                 }
             }
-            let start = std::time::Instant::now();
+            let start = Instant::now();
             let name = encoder.encode_texts(&["aneurysm sac"]).unwrap();
             let text_ms = start.elapsed().as_secs_f64() * 1e3;
-            let start = std::time::Instant::now();
+            let start = Instant::now();
             sg_encoders::fuse(&best.embedding, &name[0], sg_encoders::Fusion::Normalised).unwrap();
             let fuse_ms = start.elapsed().as_secs_f64() * 1e3;
             let RegionEmbedding { views, render_ms, encode_ms, .. } = best;

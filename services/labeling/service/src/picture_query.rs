@@ -131,7 +131,6 @@ mod tests {
     use super::*;
     use crate::embedder::{Prepared, prepare};
     use crate::picture_encoder::PictureEncoder;
-    use crate::region_views::ViewOrder;
     use crate::unit_embeddings::FusionChoice;
 
     /// What a PNG file says beside its pixels.
@@ -266,7 +265,7 @@ mod tests {
             let made = encoder.encode_region(alone.clone(), edge, &|| Ok(())).unwrap();
             embeddings.add(name, key, &made.embedding).unwrap();
             let mut file = Vec::new();
-            encoder.draw(ViewOrder::default(), alone, edge, &|| Ok(())).unwrap()[0].write_png(&mut file).unwrap();
+            encoder.best_picture(alone, edge).write_png(&mut file).unwrap();
             files.push(file);
         }
         for (at, file) in files.iter().enumerate() {

@@ -19,7 +19,7 @@ use sg_raster::render::{Quality, RenderError, render};
 use sg_runtime::fault::Fault;
 use sg_scene::appearance::Appearance;
 use sg_scene::mask::Mask;
-use sg_scene::model::Scene;
+use sg_scene::model::{BaseUnit, Scene};
 use sg_scene::view::View;
 
 use crate::measured_units::frame_of;
@@ -141,51 +141,62 @@ pub(crate) struct Measured {
     opacity: f64,
 }
 
-/// A region alone, with the best views of it.
-pub(crate) struct BestViews {
+/// How the pictures are drawn by which views are chosen.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChoicePictures {
+    /// Their side.
+    pub(crate) pixels: u32,
+    pub(crate) quality: Quality,
+    /// Most Gaussians in them.
+    pub(crate) gaussians: usize,
+}
+
+/// A region alone, with all views around it that were measured.
+pub(crate) struct MeasuredViews {
     /// Its Gaussians with their looks now.
     pub(crate) alone: Scene,
     /// Their usual look, whatever light and background the scene has.
     pub(crate) look: Appearance,
     region: Region,
-    /// All views that were measured, each with its picture's measures.
-    measured: Vec<(View, Measured)>,
-    /// The chosen ones, the best first.
-    chosen: Vec<usize>,
+    views: Vec<View>,
+    /// The measures of each view's picture.
+    measured: Vec<Measured>,
 }
 
-impl BestViews {
-    /// The best views of a region. `between` is called before each picture, and may end the work.
+impl MeasuredViews {
+    /// Measures the views around a region. `between` is called before each picture, and may end the work.
     ///
     /// # Errors
     /// [`RegionViewsError`].
     pub(crate) fn of(
         alone: Scene,
         (edge, frame): (f64, &Frame),
-        options: ViewsOptions,
+        pictures: ChoicePictures,
         between: &dyn Fn() -> Result<(), RegionViewsError>,
     ) -> Result<Self, RegionViewsError> {
         let region = ball(&alone, edge)?;
         let views = Sphere::default().views(&region, frame)?;
         let look = Appearance::of(&alone);
-        let pictures: Result<Vec<Measured>, RegionViewsError> =
-            views.iter().map(|view| between().and_then(|()| measured(&alone, &look, view, options.pixels))).collect();
-        let pictures = pictures?;
-        let scores: Vec<f64> = pictures
-            .iter()
-            .map(|picture| match options.order {
-                ViewOrder::Entropy(EntropyForm::Normalized) => picture.entropy,
-                ViewOrder::Entropy(EntropyForm::Literal) => picture.literal,
-                ViewOrder::VisibleArea => picture.area,
-            })
-            .collect();
-        let chosen = choose(&views, &scores, options.count, APART)?;
-        Ok(Self { alone, look, region, measured: views.into_iter().zip(pictures).collect(), chosen })
+        let thin = thinned(&alone, pictures.gaussians);
+        let (drawn, drawn_look) = thin.as_ref().map_or((&alone, look.clone()), |thin| (thin, Appearance::of(thin)));
+        let measured: Result<Vec<Measured>, RegionViewsError> =
+            views.iter().map(|view| between().and_then(|()| measured(drawn, &drawn_look, view, pictures))).collect();
+        Ok(Self { measured: measured?, alone, look, region, views })
     }
 
-    /// The chosen views, the best first.
-    pub(crate) fn chosen(&self) -> impl Iterator<Item = &(View, Measured)> {
-        self.chosen.iter().filter_map(|at| self.measured.get(*at))
+    /// The `count` best views by an order, the best first.
+    ///
+    /// # Errors
+    /// [`ViewsError`] if a measure is not a number.
+    pub(crate) fn best(&self, order: ViewOrder, count: usize) -> Result<Vec<(&View, &Measured)>, ViewsError> {
+        let score = |picture: &Measured| match order {
+            ViewOrder::Entropy(EntropyForm::Normalized) => picture.entropy,
+            ViewOrder::Entropy(EntropyForm::Literal) => picture.literal,
+            ViewOrder::VisibleArea => picture.area,
+        };
+        let scores: Vec<f64> = self.measured.iter().map(score).collect();
+        let chosen = choose(&self.views, &scores, count, APART)?;
+        Ok(chosen.into_iter().filter_map(|at| Some((self.views.get(at)?, self.measured.get(at)?))).collect())
     }
 }
 
@@ -203,11 +214,13 @@ pub(crate) fn region_views(
 ) -> Result<labeling::ViewsReply, RegionViewsError> {
     let start = Instant::now();
     let alone = state.edited_placed(placed, members)?;
-    let best = BestViews::of(alone, (placed.bounds.longest_edge(), &frame_of(state)), options, between)?;
+    let pictures = ChoicePictures { pixels: options.pixels, quality: Quality::Standard, gaussians: usize::MAX };
+    let measured = MeasuredViews::of(alone, (placed.bounds.longest_edge(), &frame_of(state)), pictures, between)?;
     let among = marked(state, members);
-    let look = Appearance { background: state.appearance().background, ..best.look.clone() };
-    let found: Result<Vec<labeling::RegionView>, RegionViewsError> = best
-        .chosen()
+    let look = Appearance { background: state.appearance().background, ..measured.look.clone() };
+    let found: Result<Vec<labeling::RegionView>, RegionViewsError> = measured
+        .best(options.order, options.count)?
+        .into_iter()
         .map(|(view, alone)| {
             between()?;
             let camera = view.camera(options.pixels, options.pixels);
@@ -217,7 +230,7 @@ pub(crate) fn region_views(
             let unhidden = if alone.opacity > 0.0 { (seen / alone.opacity).clamp(0.0, 1.0) } else { 0.0 };
             let mut picture = Vec::new();
             if options.pictures {
-                render(&best.alone, &look, &camera, Quality::Standard)?.image.write_png(&mut picture)?;
+                render(&measured.alone, &look, &camera, Quality::Standard)?.image.write_png(&mut picture)?;
             }
             Ok(labeling::RegionView {
                 view: Some(encode_view(view)),
@@ -231,10 +244,10 @@ pub(crate) fn region_views(
         .collect();
     Ok(labeling::ViewsReply {
         views: found?,
-        measured: best.measured.len() as u32,
-        center: Some(encode_vector(best.region.center)),
-        radius: best.region.radius,
-        tiny: best.region.is_tiny,
+        measured: measured.views.len() as u32,
+        center: Some(encode_vector(measured.region.center)),
+        radius: measured.region.radius,
+        tiny: measured.region.is_tiny,
         render_ms: start.elapsed().as_secs_f64() * 1e3,
         revision: state.revision(),
     })
@@ -255,8 +268,31 @@ fn ball(scene: &Scene, edge: f64) -> Result<Region, RegionError> {
     Region::of_gaussians(&positions, &weights, &extents, if least > 0.0 { least } else { f64::MIN_POSITIVE.sqrt() })
 }
 
-fn measured(scene: &Scene, look: &Appearance, view: &View, pixels: u32) -> Result<Measured, RegionViewsError> {
-    let image = render(scene, look, &view.camera(pixels, pixels), Quality::Standard)?.image;
+/// A scene of `most` of its Gaussians, evenly in their order. Each covers more by as much as there are fewer, so that all cover about
+/// the same. `None` for a scene that has no more.
+fn thinned(scene: &Scene, most: usize) -> Option<Scene> {
+    let count = scene.len();
+    if count <= most || most == 0 {
+        return None;
+    }
+    let longer = (0.5 * (count as f64 / most as f64).ln()) as f32;
+    let is_taken = |i: usize| i * most / count != (i + 1) * most / count;
+    let units = scene.units.iter().map(|unit| {
+        let rows: Vec<usize> = (0..unit.gaussians.len()).filter(|row| is_taken(unit.first + row)).collect();
+        let mut gaussians = unit.gaussians.rows(&rows);
+        gaussians.log_scale.iter_mut().for_each(|scale| *scale += Vec3::splat(longer));
+        BaseUnit { gaussians, ..unit.clone() }
+    });
+    Some(Scene::compose(units.collect(), Some(scene.bounds)))
+}
+
+fn measured(
+    scene: &Scene,
+    look: &Appearance,
+    view: &View,
+    ChoicePictures { pixels, quality, .. }: ChoicePictures,
+) -> Result<Measured, RegionViewsError> {
+    let image = render(scene, look, &view.camera(pixels, pixels), quality)?.image;
     let alpha: Vec<f32> = image.pixels().filter_map(|pixel| pixel.get(3).copied()).collect();
     let picture = AlphaPicture::new(&alpha, pixels, pixels)?;
     Ok(Measured {
@@ -397,6 +433,21 @@ mod tests {
     }
 
     #[test]
+    fn fewer_gaussians_cover_about_the_same() {
+        let scene = test_scene(&[("bone", 3000), ("skin", 5000)]);
+        assert!(thinned(&scene, 8000).is_none());
+        let thin = thinned(&scene, 1000).unwrap();
+        assert_eq!((thin.len(), thin.units[0].gaussians.len(), thin.bounds), (1000, 375, scene.bounds));
+        let area = |scene: &Scene| {
+            let of = |pixels, gaussians| ChoicePictures { pixels, quality: Quality::Standard, gaussians };
+            let views = MeasuredViews::of(scene.clone(), (10.0, &Frame::XYZ), of(64, usize::MAX), &|| Ok(())).unwrap();
+            views.measured.iter().map(|picture| picture.area).sum::<f64>() / views.measured.len() as f64
+        };
+        let (whole, fewer) = (area(&scene), area(&thin));
+        assert!((fewer / whole - 1.0).abs() < 0.1, "{whole} {fewer}");
+    }
+
+    #[test]
     fn requests_out_of_range_are_refused() {
         let of = |count, pixels| {
             let request = labeling::ViewsRequest { count, pixels, ..labeling::ViewsRequest::default() };
@@ -423,5 +474,83 @@ mod tests {
             }
             println!("{count} Gaussians: {} views of 128 x 128 in {:.1} ms", best.measured, best.render_ms);
         }
+    }
+
+    /// What smaller pictures of fewer Gaussians cost: milliseconds, and the entropy in large pictures of the views that they choose.
+    #[test]
+    #[ignore = "a measurement for docs/labeling.md"]
+    fn views_chosen_by_smaller_pictures() {
+        let Some(data) = std::env::var_os("SUPERGAUSSIAN_DATA").map(std::path::PathBuf::from) else { return };
+        let of = |pixels, quality, gaussians| ChoicePictures { pixels, quality, gaussians };
+        let large = of(512, Quality::Standard, usize::MAX);
+        let choices = [
+            of(128, Quality::Standard, usize::MAX),
+            of(64, Quality::Fast, usize::MAX),
+            of(128, Quality::Fast, 8192),
+            of(64, Quality::Fast, 8192),
+            of(64, Quality::Fast, 4096),
+            of(64, Quality::Fast, 2048),
+            of(64, Quality::Fast, 1024),
+        ];
+        for file in ["splats/biker.compressed.ply", "splats/donut_fused.ply"] {
+            let loaded = sg_formats::load(&data.join(file), &sg_formats::LoadOptions::default()).unwrap();
+            let scene = Arc::new(loaded.scene);
+            let state = EditState::of_scene(&scene, "", "");
+            let placed = sg_edit::PlacedScene::new(Arc::clone(&scene)).of(&state);
+            let regions = octants(&placed);
+            let (mut lost, mut worst, mut milliseconds) = ([0.0_f64; 7], [0.0_f64; 7], [0.0_f64; 7]);
+            for members in &regions {
+                let alone = state.edited_placed(&placed, members).unwrap();
+                let edge = placed.bounds.longest_edge();
+                let measured_by =
+                    |pictures| MeasuredViews::of(alone.clone(), (edge, &Frame::XYZ), pictures, &|| Ok(())).unwrap();
+                let truth = measured_by(large);
+                let entropy = |view: &View| {
+                    let at = truth.views.iter().position(|known| known == view).unwrap();
+                    truth.measured[at].entropy
+                };
+                let all: Vec<f64> = truth.measured.iter().map(|m| m.entropy).collect();
+                let spread = all.iter().fold(0.0_f64, |a, b| a.max(*b)) - all.iter().fold(1.0_f64, |a, b| a.min(*b));
+                let mean = |views: &MeasuredViews| {
+                    let best = views.best(ViewOrder::default(), 5).unwrap();
+                    best.iter().map(|(view, _)| entropy(view)).sum::<f64>() / best.len() as f64
+                };
+                let exact = mean(&truth);
+                for (at, choice) in choices.into_iter().enumerate() {
+                    let start = Instant::now();
+                    let views = measured_by(choice);
+                    milliseconds[at] += start.elapsed().as_secs_f64() * 1e3;
+                    let loss = (exact - mean(&views)) / spread;
+                    lost[at] += loss;
+                    worst[at] = worst[at].max(loss);
+                }
+            }
+            println!("{file}: {} regions of a scene of {}", regions.len(), scene.len());
+            for (at, choice) in choices.iter().enumerate() {
+                let n = regions.len() as f64;
+                let (ms, lost, worst) = (milliseconds[at] / n, lost[at] / n, worst[at]);
+                println!(
+                    "  {choice:?}: {ms:.0} ms, share of the range of entropies lost: mean {lost:.4}, most {worst:.4}"
+                );
+            }
+        }
+    }
+
+    /// The eight parts of a scene about the medians of its coordinates.
+    fn octants(scene: &Scene) -> Vec<Mask> {
+        let places: Vec<DVec3> = (0..scene.len()).map(|i| scene.position(i).unwrap()).collect();
+        let median = |of: &dyn Fn(&DVec3) -> f64| {
+            let mut values: Vec<f64> = places.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let middle = DVec3::new(median(&|p| p.x), median(&|p| p.y), median(&|p| p.z));
+        let octant = |p: &DVec3| p.cmpge(middle).bitmask();
+        let of = |octant_of: u32| {
+            let mut mask = Mask::empty(scene.len());
+            places.iter().enumerate().filter(|(_, p)| octant(p) == octant_of).for_each(|(i, _)| mask.set(i, true));
+            mask
+        };
+        (0..8).map(of).filter(|mask| mask.count() > 50).collect()
     }
 }

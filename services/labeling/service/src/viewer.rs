@@ -53,7 +53,10 @@ impl Viewer {
             if Instant::now() < deadline { Ok(()) } else { Err(RegionViewsError::Late) }
         };
         tokio::task::block_in_place(|| {
-            let members = if request.unit.is_empty() {
+            let members = if let Some(target) = &request.target {
+                let members = state.targeted(target);
+                Arc::new(members.map_err(|e| Fault::new(e.code(), e.to_string()).with_details(e.details()))?)
+            } else if request.unit.is_empty() {
                 let selected = state.selection().mask();
                 if selected.is_none() {
                     return Err(Fault::precondition("nothing is selected; select something or name a unit"));

@@ -25,6 +25,8 @@ pub struct Gaussian {
     pub opacity: f32,
     /// Its mean standard deviation, in scene lengths.
     pub deviation: f64,
+    /// The area that it covers in a picture, in squared scene lengths. Its colour counts by that and by its opacity.
+    pub area: f64,
 }
 
 /// What is measured on one unit.
@@ -38,7 +40,7 @@ pub struct Attributes {
     pub covariance: DMat3,
     /// Square roots of the covariance's eigenvalues, the greatest first.
     pub deviations: [f64; 3],
-    /// Mean colour, weighted by opacity.
+    /// Mean colour, weighted by opacity and area: large splats colour more of a picture than small ones.
     pub color: [f32; 3],
     /// Mean opacity.
     pub opacity: f64,
@@ -60,14 +62,17 @@ impl Attributes {
     pub fn of(gaussians: impl IntoIterator<Item = Gaussian>) -> Result<Self, AttributesError> {
         let mut counted = gaussians.into_iter().filter(|g| {
             let finite = g.position.is_finite() && g.color.iter().all(|c| c.is_finite());
-            finite && g.opacity > 0.0 && g.opacity.is_finite() && g.deviation >= 0.0 && g.deviation.is_finite()
+            finite
+                && g.opacity > 0.0
+                && g.opacity.is_finite()
+                && [g.deviation, g.area].iter().all(|x| *x >= 0.0 && x.is_finite())
         });
         let Some(first) = counted.next() else { return Err(AttributesError::Empty) };
         // Sums relative to the first centre: scenes may lie far from their origin.
         let origin = first.position;
         let (mut count, mut total, mut sum, mut own) = (0_usize, 0.0, DVec3::ZERO, 0.0);
         let mut squares = DMat3::ZERO;
-        let mut color = [0.0_f64; 3];
+        let (mut covered, mut color, mut point_color) = (0.0, [0.0_f64; 3], [0.0_f64; 3]);
         for g in std::iter::once(first).chain(counted) {
             let weight = f64::from(g.opacity);
             let p = g.position - origin;
@@ -76,8 +81,12 @@ impl Attributes {
             sum += weight * p;
             own += weight * g.deviation * g.deviation;
             squares += DMat3::from_cols(p * p.x, p * p.y, p * p.z) * weight;
-            for (sum, channel) in color.iter_mut().zip(g.color) {
-                *sum += weight * f64::from(channel);
+            // No Gaussian has an area where all are points. Then each counts by its opacity.
+            let (of_area, of_point) = (weight * g.area, weight);
+            covered += of_area;
+            for ((sum, point), channel) in color.iter_mut().zip(&mut point_color).zip(g.color.map(f64::from)) {
+                *sum += of_area * channel;
+                *point += of_point * channel;
             }
         }
         let mean = sum / total;
@@ -91,7 +100,8 @@ impl Attributes {
         };
         let mut deviations = values.map(|v| (v.max(0.0) * scale).sqrt());
         deviations.sort_by(|a, b| b.total_cmp(a));
-        let color = color.map(|sum| (sum / total) as f32);
+        let (color, weight) = if covered > 0.0 { (color, covered) } else { (point_color, total) };
+        let color = color.map(|sum| (sum / weight) as f32);
         Ok(Self { count, center: origin + mean, covariance, deviations, color, opacity: total / count as f64 })
     }
 
@@ -150,7 +160,7 @@ mod tests {
     use super::*;
 
     fn at(position: DVec3) -> Gaussian {
-        Gaussian { position, color: [0.5, 0.25, 1.0], opacity: 0.5, deviation: 0.0 }
+        Gaussian { position, color: [0.5, 0.25, 1.0], opacity: 0.5, deviation: 0.0, area: 0.0 }
     }
 
     /// The eight corners of a box.
@@ -189,12 +199,17 @@ mod tests {
             Gaussian { opacity: 0.0, ..heavy },
             Gaussian { opacity: f32::NAN, ..heavy },
             Gaussian { deviation: -1.0, ..heavy },
+            Gaussian { area: f64::NAN, ..heavy },
             Gaussian { color: [f32::INFINITY; 3], ..heavy },
         ];
         let unit = Attributes::of(broken.into_iter().chain([heavy, light])).unwrap();
         assert_eq!(unit.count, 2);
         assert!((unit.center.x - 0.8).abs() < 1e-6 && (unit.opacity - 0.5).abs() < 1e-6);
         assert!((unit.color[0] - 0.9).abs() < 1e-6 && (unit.color[1] - 0.1).abs() < 1e-6);
+        // The light one covers 27 times the area: three quarters of what is seen.
+        let covering = [Gaussian { area: 1.0, ..heavy }, Gaussian { area: 27.0, ..light }];
+        let covered = Attributes::of(covering).unwrap();
+        assert!((covered.color[1] - 0.75).abs() < 1e-6 && (covered.center.x - 0.8).abs() < 1e-6, "{covered:?}");
         assert_eq!(Attributes::of(broken), Err(AttributesError::Empty));
         let wide = Attributes::of([Gaussian { deviation: 3.0, ..heavy }]).unwrap();
         assert!((wide.size() - 3.0).abs() < 1e-12);

@@ -75,7 +75,7 @@ mod tests {
         let corners = (0..8).map(|k| {
             let side = |bit: i32| f64::from(2 * (k >> bit & 1) - 1);
             let position = center + half * DVec3::new(side(0), side(1), side(2));
-            Gaussian { position, color, opacity, deviation: 0.01 }
+            Gaussian { position, color, opacity, deviation: 0.01, area: 0.0 }
         });
         Attributes::of(corners).ok()
     }

@@ -70,6 +70,7 @@ fn unit(row: &[&str], seed: u64) -> Attributes {
             color: color.map(|c| (c + around(0.05)).clamp(0.0, 1.0)),
             opacity: (opacity + around(0.05)).clamp(0.02, 1.0),
             deviation: 0.05 * half.min_element(),
+            area: 1.0,
         }
     });
     Attributes::of(gaussians.collect::<Vec<_>>()).unwrap()

@@ -40,7 +40,8 @@ fn nuclei() -> Option<Vec<Attributes>> {
     let mut parts: BTreeMap<u8, Vec<Gaussian>> = BTreeMap::new();
     for (at, label) in voxels.iter().enumerate().filter(|(_, label)| **label > 0) {
         let [x, y, z] = [at % SIZE[0], at / SIZE[0] % SIZE[1], at / SIZE[0] / SIZE[1]].map(|i| i as f64);
-        let gaussian = Gaussian { position: DVec3::new(x, y, z), color: [0.5; 3], opacity: 0.8, deviation: 0.5 };
+        let gaussian =
+            Gaussian { position: DVec3::new(x, y, z), color: [0.5; 3], opacity: 0.8, deviation: 0.5, area: 1.0 };
         parts.entry(*label).or_default().push(gaussian);
     }
     assert_eq!(parts.len(), 2 * PAIRS);

@@ -11,6 +11,7 @@ use sg_scene::view::View;
 use sg_volume::TransferFunction;
 
 use super::duplicates::{self, Duplicate};
+use super::kept_views::KeptView;
 use super::placement::{self, Placement};
 use super::state::{BaseUnitState, EditState, Selection, Unit};
 
@@ -37,6 +38,8 @@ pub enum Change {
     Background(Vec3),
     /// The viewpoint.
     View(View),
+    /// All kept viewpoints.
+    KeptViews(Arc<[KeptView]>),
     /// The direction that is up; `None` for the file's own.
     Up(Option<Axis>),
     /// The transfer function in place of the file's; `None` for that of the file.
@@ -109,6 +112,7 @@ impl EditState {
             Change::Light(light) => self.light = light,
             Change::Background(color) => self.background = color,
             Change::View(view) => self.view = view,
+            Change::KeptViews(views) => self.kept_views = views,
             Change::Up(up) => self.up = up,
             Change::TransferFunction(function) => self.transfer_function = function,
             Change::Term(term) => self.term = term,
@@ -162,6 +166,9 @@ impl EditState {
         }
         if self.view != after.view {
             changes.push(Change::View(after.view));
+        }
+        if !Arc::ptr_eq(&self.kept_views, &after.kept_views) && self.kept_views != after.kept_views {
+            changes.push(Change::KeptViews(Arc::clone(&after.kept_views)));
         }
         if self.up != after.up {
             changes.push(Change::Up(after.up));

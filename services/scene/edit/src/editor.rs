@@ -212,6 +212,8 @@ impl Editor {
             Action::SetBackground(a) => transaction.set_background(a)?,
             Action::SetTerm(a) => transaction.set_term(a)?,
             Action::SetView(a) => transaction.set_view(a)?,
+            Action::KeepView(a) => transaction.keep_view(a)?,
+            Action::ForgetView(a) => transaction.forget_view(a)?,
             Action::CommitSelection(a) => transaction.commit_selection(a)?,
             Action::Select(a) => transaction.select(a)?,
             Action::SaveUnit(a) => transaction.save_unit(a)?,
@@ -283,6 +285,7 @@ fn snapshot_bytes(state: &EditState) -> usize {
         + names
         + 128 * state.placements.len()
         + 64 * state.transfer_function.as_ref().map_or(0, |function| function.points.len())
+        + state.kept_views.iter().map(|kept| 128 + kept.name.len()).sum::<usize>()
         + state.geometry.path.len()
         + (64 << 10)
 }

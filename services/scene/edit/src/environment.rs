@@ -77,7 +77,7 @@ impl Transaction<'_> {
     pub(super) fn set_view(&mut self, command: &SetView) -> Result<String, EditError> {
         let missing = || EditError::Malformed {
             field: "set_view.change",
-            reason: "nothing is set; give a view, a name, an orbit, a zoom or a target".to_owned(),
+            reason: "nothing is set; give a view, a name, an orbit, a zoom, a target or a kept view".to_owned(),
         };
         let present = self.state.view;
         let (view, summary) = match command.change.as_ref().ok_or_else(missing)? {
@@ -104,6 +104,10 @@ impl Transaction<'_> {
                 }
                 let [across, upwards] = [azimuth, elevation].map(|degrees| decimals(degrees, 1));
                 (present.orbited(azimuth, elevation), format!("turned the view by {across}° and {upwards}° upwards"))
+            }
+            Change::Kept(name) => {
+                let kept = self.state.kept_view(name)?;
+                (kept.view, format!("went to the view “{}”", kept.name))
             }
             Change::Up(axis) => {
                 self.state.up = decode_axis(*axis).map_err(|e| malformed(&e))?;
@@ -133,7 +137,8 @@ impl Transaction<'_> {
     }
 
     /// Restores the appearance of the opened scene. Saved units stay, with a neutral appearance; the selection stays. Deleted
-    /// Gaussians stay deleted, moved ones stay where they are, copies stay, and locked units keep their look. While one is locked, the transfer function stays too.
+    /// Gaussians stay deleted, moved ones stay where they are, copies and kept views stay, and locked units keep their look. While one
+    /// is locked, the transfer function stays too.
     pub(super) fn reset(&mut self) -> String {
         for i in 0..self.state.base.len() {
             let initial = self.initial.base.get(self.state.file_unit(i)).cloned();

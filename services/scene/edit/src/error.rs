@@ -25,6 +25,14 @@ pub enum EditError {
         /// The matching names.
         meant: Vec<String>,
     },
+    /// No kept viewpoint has this name.
+    #[error("no view is kept as `{name}`{}", view_hint(kept))]
+    UnknownView {
+        /// As requested.
+        name: String,
+        /// Names of the kept viewpoints.
+        kept: Vec<String>,
+    },
     /// A new unit has the name of another.
     #[error("a unit `{0}` exists already; choose another name or replace it")]
     NameTaken(String),
@@ -146,7 +154,7 @@ impl EditError {
     #[must_use]
     pub fn code(&self) -> Code {
         match self {
-            Self::UnknownUnit { .. } => Code::NotFound,
+            Self::UnknownUnit { .. } | Self::UnknownView { .. } => Code::NotFound,
             Self::NameTaken(_) | Self::IdTaken(_) => Code::AlreadyExists,
             Self::BaseUnit { .. }
             | Self::NothingSelected
@@ -177,6 +185,7 @@ impl EditError {
     pub fn details(&self) -> Vec<String> {
         match self {
             Self::UnknownUnit { near, .. } => near.clone(),
+            Self::UnknownView { kept, .. } => kept.clone(),
             Self::Ambiguous { meant, .. } => meant.clone(),
             Self::RevisionConflict { found, .. } => vec![found.to_string()],
             Self::SelectionConflict { found } => vec![found.clone()],
@@ -184,6 +193,14 @@ impl EditError {
             _ => Vec::new(),
         }
     }
+}
+
+fn view_hint(kept: &[String]) -> String {
+    if kept.is_empty() {
+        return "; keep one first".to_owned();
+    }
+    let shown: Vec<_> = kept.iter().take(6).map(|n| format!("`{n}`")).collect();
+    format!("; there are {}{}", shown.join(", "), if kept.len() > 6 { ", …" } else { "" })
 }
 
 fn hint(near: &[String]) -> String {

@@ -32,6 +32,7 @@ impl Entry {
             Change::Duplicates(parts) => parts.iter().map(|part| part.originals().len().div_ceil(8)).sum(),
             Change::Placements(parts) => parts.iter().map(|part| part.members.len().div_ceil(8)).sum(),
             Change::Selection(selection) => selection.bytes(),
+            Change::KeptViews(views) => views.iter().map(|kept| 128 + kept.name.len()).sum(),
             Change::TransferFunction(function) => function.as_ref().map_or(0, |f| 64 * f.points.len()),
             _ => 0,
         };

@@ -20,6 +20,7 @@ use sg_scene::view::View;
 use sg_volume::TransferFunction;
 
 use super::duplicates::Duplicate;
+use super::kept_views::KeptView;
 use super::placement::Placement;
 
 /// A base unit as edits see it.
@@ -174,6 +175,7 @@ pub struct EditState {
     pub(crate) light: Light,
     pub(crate) background: Vec3,
     pub(crate) view: View,
+    pub(crate) kept_views: Arc<[KeptView]>,
     pub(crate) up: Option<Axis>,
     pub(crate) term: ShadingTerm,
     pub(crate) focus: Vec<String>,
@@ -219,6 +221,7 @@ impl EditState {
             light: look.light,
             background: look.background,
             view: initial_view(scene),
+            kept_views: Arc::new([]),
             up: None,
             term: look.term,
             focus: Vec::new(),

@@ -27,6 +27,14 @@ pub(super) struct ResolvedTarget {
 }
 
 impl EditState {
+    /// The Gaussians that a target means.
+    ///
+    /// # Errors
+    /// [`EditError::NoTarget`] for one that names nothing, and the refusals of its names.
+    pub fn targeted(&self, target: &Target) -> Result<Mask, EditError> {
+        self.resolve(Some(target)).map(|resolved| resolved.members)
+    }
+
     /// Looks a target up.
     pub(super) fn resolve(&self, target: Option<&Target>) -> Result<ResolvedTarget, EditError> {
         let target = target.ok_or(EditError::NoTarget)?;

@@ -19,6 +19,7 @@ pub use self::transfer_function_message::{decode_transfer_function, encode_trans
 use self::transfer_function_message::{decode_volume, encode_volume};
 use self::unit_message::{decode_base, decode_unit, encode_base, encode_unit};
 use super::change::Change;
+use super::kept_views::KeptView;
 use super::state::{EditState, Geometry, Selection};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
@@ -278,6 +279,19 @@ pub fn decode_view(view: &proto::View) -> Result<View, WireError> {
     })
 }
 
+fn encode_kept_views(views: &[KeptView]) -> Vec<proto::KeptView> {
+    let encode = |kept: &KeptView| proto::KeptView { name: kept.name.clone(), view: Some(encode_view(&kept.view)) };
+    views.iter().map(encode).collect()
+}
+
+fn decode_kept_views(views: &[proto::KeptView]) -> Result<Arc<[KeptView]>, WireError> {
+    let decode = |kept: &proto::KeptView| {
+        let view = decode_view(kept.view.as_ref().ok_or(WireError::Missing("kept_view.view"))?)?;
+        Ok(KeptView { name: kept.name.clone(), view })
+    };
+    views.iter().map(decode).collect()
+}
+
 /// A side of the scene's box from a message; `None` for the first view.
 ///
 /// # Errors
@@ -363,6 +377,7 @@ pub fn encode_change(change: &Change) -> proto::Change {
         Change::Light(light) => Item::Light(encode_light(light)),
         Change::Background(color) => Item::Background(encode_color(*color)),
         Change::View(view) => Item::View(encode_view(view)),
+        Change::KeptViews(views) => Item::KeptViews(proto::KeptViews { views: encode_kept_views(views) }),
         Change::Up(up) => Item::Up(encode_axis(*up).into()),
         Change::TransferFunction(function) => {
             let function = function.as_deref().map(encode_transfer_function);
@@ -393,6 +408,7 @@ pub fn decode_change(change: &proto::Change) -> Result<Change, WireError> {
         Item::Light(light) => Change::Light(decode_light(light)?),
         Item::Background(color) => Change::Background(decode_color(color)),
         Item::View(view) => Change::View(decode_view(view)?),
+        Item::KeptViews(kept) => Change::KeptViews(decode_kept_views(&kept.views)?),
         Item::Up(axis) => Change::Up(decode_axis(*axis)?),
         Item::TransferFunction(shown) => {
             Change::TransferFunction(shown.function.as_ref().map(decode_transfer_function).transpose()?)
@@ -420,6 +436,7 @@ impl EditState {
             light: Some(encode_light(&self.light)),
             background: Some(encode_color(self.background)),
             view: Some(encode_view(&self.view)),
+            kept_views: encode_kept_views(&self.kept_views),
             term: encode_term(self.term).into(),
             up: encode_axis(self.up).into(),
             focus: self.focus.clone(),
@@ -470,6 +487,7 @@ impl EditState {
             light: decode_light(state.light.as_ref().ok_or(WireError::Missing("state.light"))?)?,
             background: decode_color(state.background.as_ref().ok_or(WireError::Missing("state.background"))?),
             view: decode_view(state.view.as_ref().ok_or(WireError::Missing("state.view"))?)?,
+            kept_views: decode_kept_views(&state.kept_views)?,
             term: decode_term(state.term)?,
             up: decode_axis(state.up)?,
             focus: state.focus.clone(),

@@ -125,6 +125,14 @@ impl Gaussians {
         self.log_scale[i].exp()
     }
 
+    /// Mean of the areas that Gaussian `i` covers as seen along its three axes: (s₁s₂ + s₂s₃ + s₃s₁)/3, in squared length units of
+    /// the position. Together with the opacity it says how much of a picture shows it.
+    #[must_use]
+    pub fn mean_area(&self, i: usize) -> f64 {
+        let s = self.scale(i).as_dvec3();
+        (s.x * s.y + s.y * s.z + s.z * s.x) / 3.0
+    }
+
     /// Unit rotation of Gaussian `i` (own axes to local frame) in f64. A zero or non-finite quaternion gives the
     /// identity. The length is taken out in f64, so that denormal and huge quaternions keep their direction.
     #[must_use]

@@ -1,6 +1,6 @@
 //! The viewpoint of a scene: frame, orbit, zoom. Scene coordinates, angles in degrees.
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use crate::camera::Camera;
 use crate::model::SceneBox;
@@ -110,6 +110,34 @@ impl View {
         zoomed.check().map(|()| zoomed)
     }
 
+    /// A view on the way to another one; `share` is 0 here and 1 there. The eye goes about the target, which moves along a line. So
+    /// the scene stays in sight, and turns evenly (Shoemake 1985, "Animating rotation with quaternion curves"). Distances grow by
+    /// even factors.
+    #[must_use]
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        let share = share.clamp(0.0, 1.0);
+        let frames = (self.turn(), other.turn());
+        let lengths = [self, other].map(|view| (view.eye - view.target).length());
+        let (Some(from), Some(to), true) = (frames.0, frames.1, lengths.iter().all(|l| *l > 0.0)) else {
+            return if share < 1.0 { *self } else { *other };
+        };
+        if share >= 1.0 {
+            return *other;
+        }
+        let turn = from.slerp(to, share);
+        let target = self.target.lerp(other.target, share);
+        let distance = (lengths[0].ln() * (1.0 - share) + lengths[1].ln() * share).exp();
+        let fov_y_degrees = self.fov_y_degrees + (other.fov_y_degrees - self.fov_y_degrees) * share;
+        Self { eye: target + turn * (distance * DVec3::Z), target, up: turn * DVec3::Y, fov_y_degrees }
+    }
+
+    /// The turn from x to the right, y up and z towards the eye. `None` for a view without a direction.
+    fn turn(&self) -> Option<DQuat> {
+        let back = (self.eye - self.target).try_normalize()?;
+        let right = self.up.cross(back).try_normalize()?;
+        Some(DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize())
+    }
+
     /// A box framed from the present direction.
     #[must_use]
     pub fn focused(&self, bounds: SceneBox) -> Self {
@@ -166,6 +194,25 @@ mod tests {
             let pick = |bit: u32, low: f64, high: f64| if k >> bit & 1 == 0 { low } else { high };
             DVec3::new(pick(0, b.min.x, b.max.x), pick(1, b.min.y, b.max.y), pick(2, b.min.z, b.max.z))
         })
+    }
+
+    #[test]
+    fn a_view_on_the_way_keeps_its_target_in_the_middle() {
+        let from = View { eye: DVec3::new(0.0, -8.0, 0.0), target: DVec3::ZERO, up: DVec3::Z, fov_y_degrees: 40.0 };
+        let to = View { eye: DVec3::new(3.0, 2.0, 1.0), target: DVec3::new(1.0, 2.0, 1.0), ..from };
+        assert_eq!(from.towards(&to, 1.0), to);
+        let start = from.towards(&to, 0.0);
+        assert!(start.eye.distance(from.eye) < 1e-12 && start.up.distance(from.up) < 1e-12);
+        let middle = from.towards(&to, 0.5);
+        assert_eq!(middle.target, DVec3::new(0.5, 1.0, 0.5));
+        // Distances 8 and 2 have the mean factor 4, and the eye goes about the up direction.
+        assert!((middle.eye.distance(middle.target) - 4.0).abs() < 1e-12);
+        assert!(middle.up.distance(DVec3::Z) < 1e-12 && middle.check().is_ok());
+        let back = (middle.eye - middle.target).normalize();
+        let angles = [(from.eye - from.target), (to.eye - to.target)].map(|offset| offset.angle_between(back));
+        assert!((angles[0] - angles[1]).abs() < 1e-12, "{angles:?}");
+        let broken = View { eye: DVec3::ZERO, ..from };
+        assert_eq!((broken.towards(&to, 0.5), broken.towards(&to, 1.0)), (broken, to));
     }
 
     proptest! {

@@ -101,9 +101,9 @@ fn file(input: &mut Input<'_>) -> Outcome<String> {
     Ok(token.text.clone())
 }
 
-/// Parses "a picture", "the screenshot", and the words after it.
+/// Parses "a picture", "the screenshot", "this view", and the words after it.
 fn picture(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
-    article(input)?;
+    alt((exactly("this | that").void(), article)).parse_next(input)?;
     skip("new | current").parse_next(input)?;
     exactly("picture | image | screenshot | snapshot | photo | view | render | rendering").parse_next(input)?;
     skip("of this | of it | of the scene | of the view | of the window | of what i see").parse_next(input)?;

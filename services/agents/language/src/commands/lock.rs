@@ -1,14 +1,15 @@
 //! Locks of units.
 
 use sg_proto::language::{Act, Clause};
-use sg_proto::scene::SetLock;
 use sg_proto::scene::command::Action;
+use sg_proto::scene::{SetLock, Target};
 
 use super::command::{Command, Construct, Context, Effect, Ellipsis, Field};
 use crate::resolution::{Refusal, Step, target_of};
 use crate::syntax::phrase::{Input, Outcome};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::target_alone;
+use crate::unit_names;
 
 /// The command "lock".
 pub(super) const LOCK: Command = Command {
@@ -37,8 +38,14 @@ fn target(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
 }
 
 fn resolve(clause: &Clause, context: &Context<'_>, locked: bool) -> Result<Step, Refusal> {
-    let target = target_of(clause, context.state)?;
-    if target.selection || target.complement {
+    let mut target = target_of(clause, context.state)?;
+    if target.complement && !target.selection && !target.units.is_empty() {
+        // All other units by their names.
+        let mut others = unit_names::addressable(context.state);
+        others.retain(|name| target.units.iter().all(|unit| unit != name));
+        target = Target { units: others.into_iter().map(str::to_owned).collect(), ..Target::default() };
+    }
+    if target.selection || target.complement || (target.units.is_empty() && !target.everything) {
         return Err(Refusal::precondition("Only units have a lock. Say their names, or “everything”."));
     }
     let units = target.units.clone();

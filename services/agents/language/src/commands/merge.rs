@@ -10,7 +10,7 @@ use winnow::error::EmptyError;
 use super::command::{Command, Construct, Context, Effect, Field};
 use super::naming::{name, named};
 use crate::resolution::{Refusal, Step, checked_name, is_base_unit, name_taken, target_of};
-use crate::syntax::phrase::{Input, Outcome, exactly};
+use crate::syntax::phrase::{Input, Outcome, exactly, skip};
 use crate::syntax::reading::{Reading, Verb};
 use crate::syntax::target::{Target, target_then};
 use crate::unit_names::{self, Lookup};
@@ -45,7 +45,12 @@ fn merge(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
             if word.text == "with" {
                 return Err(EmptyError);
             }
-            // "into aneurysm" is a new name.
+            // "into aneurysm" is a new name, and so is "into one unit called aneurysm".
+            skip(
+                "one unit called | one unit named | a unit called | a unit named | one called | a single unit called | \
+                 a new unit called",
+            )
+            .parse_next(rest)?;
             return Ok((others, goes_first, Some(name(rest)?)));
         }
         Ok((others, goes_first, named(rest)?))

@@ -4,6 +4,7 @@
 
 mod answers;
 mod background;
+mod best_view;
 mod color;
 pub(crate) mod command;
 mod delete;
@@ -12,6 +13,7 @@ mod files;
 mod frame;
 pub(crate) mod help;
 mod history;
+pub(crate) mod kept_views;
 mod light;
 mod lock;
 mod merge;
@@ -25,6 +27,7 @@ mod set_view;
 mod shading;
 pub(crate) mod table;
 pub(crate) mod tone;
+mod tour;
 pub(crate) mod transfer_function;
 mod verbs;
 mod viewpoint;

@@ -153,8 +153,13 @@ fn name_only(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
 
 /// Parses "as aneurysm", "under the name aneurysm", or nothing.
 pub(super) fn named(input: &mut Input<'_>) -> Outcome<Option<String>> {
-    let new =
-        opt((one_of("as | under the name | and call it | and name it | named | called"), name)).parse_next(input)?;
+    let new = opt((
+        one_of(
+            "as | under the name | and call it | and name it | and name the copy | and call the copy | named | called",
+        ),
+        name,
+    ))
+    .parse_next(input)?;
     end(input)?;
     Ok(new.map(|(_, name)| name))
 }

@@ -48,7 +48,7 @@ enum Direction {
 ///
 /// The camera moves in the named direction. An object turns in the named direction, so the camera moves the other
 /// way.
-fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
+pub(super) fn orbit(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let camera = opt(alt((
         one_of("the view | the camera | the viewpoint | the eye | view | camera | me | my view").map(|_| true),
         one_of(

@@ -6,7 +6,7 @@ use sg_proto::scene::command::Action;
 use sg_proto::scene::{SetView, set_view};
 
 use super::command::{Context, Field};
-use crate::resolution::{Refusal, Step, missing, target_of};
+use crate::resolution::{Refusal, Step, kept_view, missing, target_of};
 
 /// Fields of a clause that changes the viewpoint.
 pub(super) const SET_VIEW_FIELDS: &[Field] = &[Field::required("view"), Field::optional("target")];
@@ -23,6 +23,10 @@ pub(super) fn resolve_view(clause: &Clause, context: &Context<'_>) -> Result<Ste
         }
         set_view::Change::Zoom(factor) if !(factor.is_finite() && *factor > 0.0) => {
             Err(Refusal::new(Code::OutOfRange, format!("{factor} is not a zoom factor; use a number above 0.")))
+        }
+        set_view::Change::Kept(spoken) => {
+            let name = kept_view(spoken, context.state)?.to_owned();
+            Ok(Step::Change { action: set(set_view::Change::Kept(name)), units: Vec::new() })
         }
         change => Ok(Step::Change { action: set(change.clone()), units: Vec::new() }),
     }

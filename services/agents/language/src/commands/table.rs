@@ -7,9 +7,9 @@ use sg_proto::scene::State;
 use super::command::{Command, Context, Effect, Field};
 use super::help::{help_text, with_names};
 use super::{
-    answers, background, color, delete, duplicate, files, frame, help as help_command, history, light, lock, merge,
-    movement, naming, opacity, orbit, question, selection, shading, tone, transfer_function, viewpoint, visibility,
-    zoom,
+    answers, background, best_view, color, delete, duplicate, files, frame, help as help_command, history, kept_views,
+    light, lock, merge, movement, naming, opacity, orbit, question, selection, shading, tone, tour, transfer_function,
+    viewpoint, visibility, zoom,
 };
 use crate::resolution::{Refusal, Step};
 
@@ -21,6 +21,11 @@ pub(crate) const TABLE: &[Command] = &[
     answers::TAKE_ANSWER,
     // Before targets: "everything above 200" is no unit.
     transfer_function::VALUES,
+    // Before targets: "the bookmark entry" is no unit. Before names: "call this view entry" keeps the view.
+    kept_views::KEEP_VIEW,
+    kept_views::GO_TO_VIEW,
+    kept_views::FORGET_VIEW,
+    kept_views::LIST_VIEWS,
     visibility::SHOW_ONLY,
     visibility::SHOW,
     visibility::HIDE,
@@ -30,12 +35,14 @@ pub(crate) const TABLE: &[Command] = &[
     transfer_function::SCALE,
     transfer_function::RESET_TRANSFER_FUNCTION,
     background::SET_BACKGROUND,
+    best_view::BEST_VIEW,
     viewpoint::VIEWPOINT,
     frame::FRAME,
     movement::TRANSFORM,
     orbit::ORBIT,
     zoom::ZOOM,
     shading::SET_TERM,
+    tour::TOUR,
     selection::SELECT,
     selection::CLEAR_SELECTION,
     naming::LABEL,

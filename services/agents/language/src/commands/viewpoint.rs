@@ -44,7 +44,7 @@ fn side_name(input: &mut Input<'_>) -> Outcome<NamedView> {
 const VIEW: &str = "view | viewpoint | perspective | side | position | angle | camera";
 
 /// Parses "from the top", "it from above", "the top view". After "reset": "the view".
-fn viewpoint(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
+pub(super) fn viewpoint(verb: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     let opposite = |input: &mut Input<'_>| {
         skip("from").parse_next(input)?;
         article(input)?;

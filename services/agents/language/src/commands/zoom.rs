@@ -28,7 +28,7 @@ pub(super) const ZOOM: Command = Command {
             |_, input| zoom(true, input),
         ),
         Construct::new(
-            "zoom out | zoom back | zoom back out | zoom away | further away | farther away | \
+            "back off | back up | zoom out | zoom back | zoom back out | zoom away | further away | farther away | \
                  move back | move out | move away | go further away | step back | smaller | \
                  make it smaller | shrink | further out | pull back",
             |_, input| zoom(false, input),

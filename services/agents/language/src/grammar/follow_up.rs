@@ -1,8 +1,11 @@
 //! Utterances that continue the one before: "the same for the vessel", "and the bone too", "again".
 
-use super::Reader;
 use super::sentence::Sentence;
-use crate::syntax::token::{Kind, Token};
+use super::{Reader, rewording};
+use crate::syntax::token::{self, Kind, Token};
+
+/// Most tokens of an utterance that completes the one before.
+const MOST_COMPLETING: usize = 5;
 
 /// Ways to say yes.
 const YES: [&str; 14] =
@@ -61,7 +64,16 @@ pub(super) fn is_yes(tokens: &[Token]) -> bool {
 /// The meaning of an utterance after `before`. `None`: it does not continue that one.
 pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &str) -> Option<Sentence> {
     let before = before.trim().trim_end_matches(['.', '!', '?', ',', ';']);
-    let last = Some(reader.read(before)).filter(Sentence::is_certain)?;
+    if let Some(completed) = completed(reader, source, tokens, before) {
+        return Some(completed);
+    }
+    // The one before may have been understood in another form.
+    let forms = || rewording::of(before, &token::tokens(before));
+    let is_certain = |text: &String| reader.read(text).is_certain();
+    let before =
+        std::iter::once(before.to_owned()).filter(is_certain).chain(forms().into_iter().filter(is_certain)).next()?;
+    let before = before.as_str();
+    let last = reader.read(before);
     let words: Vec<&str> = tokens.iter().filter(|t| t.kind != Kind::Mark('.')).map(|t| t.text.as_str()).collect();
     let said = words.join(" ");
     if AGAIN.contains(&said.trim_end_matches(" please")) {
@@ -82,6 +94,25 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
     }
     // A name alone could mean anything; a value alone belongs to the last target.
     also.filter(|_| same.is_none())
+}
+
+/// An utterance that the one before lacked: "make it red", "the clip"; "change the colour of the clip", "yellow".
+fn completed(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &str) -> Option<Sentence> {
+    const PRONOUNS: [&str; 4] = ["it", "this", "that", "them"];
+    let said = source.trim().trim_end_matches(['.', '!', '?']);
+    if said.is_empty() || tokens.len() > MOST_COMPLETING || reader.read(said).is_certain() {
+        return None;
+    }
+    let earlier = token::tokens(before);
+    let pronoun = earlier.iter().find(|t| PRONOUNS.contains(&t.text.as_str()));
+    let has_antecedent = reader.has_focus || reader.has_selection;
+    let named = pronoun.filter(|_| !has_antecedent).map(|pronoun| {
+        let (lead, rest) = (before.get(..pronoun.start), before.get(pronoun.end..));
+        format!("{}{said}{}", lead.unwrap_or_default(), rest.unwrap_or_default())
+    });
+    let is_open = !reader.read(before).is_certain();
+    let longer = [format!("{before} to {said}"), format!("{before} {said}")].into_iter().filter(|_| is_open);
+    named.into_iter().chain(longer).find_map(|text| Some(reader.read(&text)).filter(Sentence::is_certain))
 }
 
 /// The clauses of a text behind those of its beginning.

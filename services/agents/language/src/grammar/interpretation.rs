@@ -4,16 +4,23 @@
 //! The literal reading comes first, and an understood one is final. A repair counts only if every part of it is understood
 //! with known names. So a repair never changes the meaning of an utterance that has one.
 
-use sg_proto::language::{Act, Intent, IntentRequest};
+use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
 use super::sentence::Sentence;
-use super::{Reader, UtteranceError, follow_up, rewording, self_correction, spelling, tokens_of};
+use super::{Reader, UtteranceError, follow_up, plain_form, rewording, self_correction, spelling, tokens_of};
+use crate::syntax::token::{self, Token};
 
 /// Longest utterance that is repaired, tokens. People say longer ones in parts.
 const MAX_REPAIRED_TOKENS: usize = 40;
 
+/// Most names of a reworded utterance that no unit has.
+const MOST_UNKNOWN: usize = 2;
+
+/// Most parts of an utterance that are read each on its own.
+const MOST_PARTS: usize = 6;
+
 /// Acts that a repaired spelling may mean at once: a look tells their effect, and one undo takes it back.
-const SAFE: [Act; 22] = [
+const SAFE: [Act; 25] = [
     Act::SetColor,
     Act::SetOpacity,
     Act::Show,
@@ -22,6 +29,8 @@ const SAFE: [Act; 22] = [
     Act::SetLight,
     Act::SetBackground,
     Act::SetView,
+    Act::BestView,
+    Act::Tour,
     Act::SetTerm,
     Act::Select,
     Act::ClearSelection,
@@ -32,6 +41,7 @@ const SAFE: [Act; 22] = [
     Act::ResetTransferFunction,
     Act::Lock,
     Act::List,
+    Act::ListViews,
     Act::QuerySelection,
     Act::Describe,
     Act::Help,
@@ -39,7 +49,7 @@ const SAFE: [Act; 22] = [
 ];
 
 /// Acts that wait while a part of their utterance is not understood.
-const DESTRUCTIVE: [Act; 3] = [Act::DeleteGaussians, Act::Delete, Act::Reset];
+const DESTRUCTIVE: [Act; 4] = [Act::DeleteGaussians, Act::Delete, Act::Reset, Act::ForgetView];
 
 /// The intent of an utterance in its conversation.
 ///
@@ -49,6 +59,8 @@ const DESTRUCTIVE: [Act; 3] = [Act::DeleteGaussians, Act::Delete, Act::Reset];
 /// | --- | --- |
 /// | "make the sac red, no, blue" | "make the sac blue" |
 /// | "can the sac be red?", "hide the skin so that I can see the bone" | without the frame and the purpose |
+/// | "I was wondering whether the pink part could be hidden" | the plain form, with names that the labeling service may know |
+/// | "high the skin", "back ground white" | words in place of others that sound alike |
 /// | "hied the vesel" | the one way of spelling that makes a sentence; [`Intent::read_as`] tells it |
 /// | "and the vessel too", "the same for the vessel" | the last utterance for another target |
 /// | "yes" after an utterance with a spelling mistake | its repaired form |
@@ -87,7 +99,50 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if let Some((better, sentence)) = spelled.filter(|(_, sentence)| is_safe(sentence)) {
         return Ok(repaired(sentence, text, better));
     }
+    let sounds = plain_form::heard(text, &tokens);
+    let heard = |form: String| {
+        let sentence = certain(&reader, &form).filter(is_safe).or_else(|| understood(&reader, &form))?;
+        Some((form, sentence))
+    };
+    if !literal.not_understood.is_empty()
+        && let Some((better, sentence)) = sounds.and_then(heard)
+    {
+        return Ok(repaired(sentence, text, better));
+    }
+    // The labeling service may know a name that no unit has. A form that is understood but for such names is better than none.
+    if !literal.not_understood.is_empty()
+        && let Some(sentence) =
+            forms.iter().find_map(|form| understood(&reader, form)).or_else(|| by_parts(&reader, text, &tokens))
+    {
+        return Ok(repaired(sentence, text, String::new()));
+    }
     Ok(withhold(reader.intent(text, &tokens, literal)))
+}
+
+/// The clauses of an utterance whose parts are all understood, each in some form: "bone at 15 %, tissue off, white background".
+fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentence> {
+    let parts = plain_form::parts(text, tokens);
+    if !(2..=MOST_PARTS).contains(&parts.len()) {
+        return None;
+    }
+    let mut whole = Sentence::default();
+    for part in parts {
+        let forms = rewording::of(&part, &token::tokens(&part));
+        let all = || std::iter::once(part.as_str()).chain(forms.iter().map(String::as_str));
+        let known = all().find_map(|form| certain(reader, form).filter(is_safe));
+        let sentence = known.or_else(|| all().find_map(|form| understood(reader, form)))?;
+        whole.clauses.extend(sentence.clauses.into_iter().map(|clause| Clause { words: part.clone(), ..clause }));
+        whole.unknown += sentence.unknown;
+    }
+    (whole.unknown <= MOST_UNKNOWN).then_some(whole)
+}
+
+/// The reading of a text that has a meaning but for names, and can be taken back.
+fn understood(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
+    let is_whole = |sentence: &Sentence| {
+        sentence.not_understood.is_empty() && !sentence.clauses.is_empty() && sentence.unknown <= MOST_UNKNOWN
+    };
+    Some(reader.read(text)).filter(is_whole).filter(is_safe)
 }
 
 fn certain(reader: &Reader<'_>, text: &str) -> Option<Sentence> {

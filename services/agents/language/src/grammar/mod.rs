@@ -15,10 +15,14 @@
 //! | "turn it left" | the scene turns left, so the camera moves to its right |
 //! | "turn the sac left by 30 degrees", "turn it by 30 degrees" after a command on the sac | the sac turns |
 //! | "light from the left" | light from the left of the current picture |
+//! | "save this view as entry", "save the view as entry.png" | a kept viewpoint, a picture |
+//! | "go to the front view", "go to the entry view" | the front, a kept viewpoint |
+//! | "go to entry" | the unit "entry", else the kept viewpoint |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
 mod follow_up;
 mod interpretation;
+mod plain_form;
 mod rewording;
 mod self_correction;
 mod sentence;
@@ -89,6 +93,10 @@ struct Reader<'o> {
     names: Vec<&'o str>,
     /// The same, each with its normalized words.
     normalized: Vec<(String, Vec<String>)>,
+    /// Names of kept viewpoints.
+    kept_views: Vec<&'o str>,
+    /// The same, each with its normalized words.
+    normalized_views: Vec<(String, Vec<String>)>,
     has_selection: bool,
     has_focus: bool,
     view: Option<&'o View>,
@@ -98,13 +106,23 @@ impl<'o> Reader<'o> {
     fn new(observation: &'o Observation) -> Self {
         let scene = observation.scene.as_ref();
         let names = scene.map(unit_names::addressable).unwrap_or_default();
+        let kept_views = scene.map(unit_names::kept_views).unwrap_or_default();
+        let normalized =
+            |names: &[&str]| names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect::<Vec<_>>();
         Self {
-            normalized: names.iter().map(|n| ((*n).to_owned(), token::normalized_name(n))).collect(),
+            normalized: normalized(&names),
             names,
+            normalized_views: normalized(&kept_views),
+            kept_views,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             view: scene.and_then(|s| s.view.as_ref()),
         }
+    }
+
+    /// All names that people may say.
+    fn known_names(&self) -> Vec<&'o str> {
+        self.names.iter().chain(&self.kept_views).copied().collect()
     }
 
     fn read(&self, text: &str) -> Sentence {
@@ -115,6 +133,7 @@ impl<'o> Reader<'o> {
         let context = ParseContext {
             source,
             names: &self.normalized,
+            kept_views: &self.normalized_views,
             opening_lemmas: &OPENINGS.first_lemmas,
             has_selection: self.has_selection,
             has_focus: self.has_focus,
@@ -130,7 +149,7 @@ impl<'o> Reader<'o> {
         let mut suggestions = Vec::new();
         if !sentence.not_understood.is_empty() {
             let corrected =
-                suggest::corrected(text, tokens, &self.names).filter(|better| self.read(better).is_certain());
+                suggest::corrected(text, tokens, &self.known_names()).filter(|better| self.read(better).is_certain());
             suggestions.extend(corrected);
             // Some examples need units.
             let is_understood = |example: &String| self.read(example).not_understood.is_empty();

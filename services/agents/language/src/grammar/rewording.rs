@@ -1,5 +1,6 @@
 //! Other forms of an utterance with the same meaning, in words that the table of commands has.
 
+use super::plain_form;
 use crate::color;
 use crate::syntax::token::{self, Kind, Token, begins_with, text_of};
 
@@ -7,7 +8,7 @@ use crate::syntax::token::{self, Kind, Token, begins_with, text_of};
 const MODALS: [&str; 7] = ["can", "could", "may", "might", "should", "shall", "would"];
 
 /// First words of a purpose or a reason, which no command has.
-const PURPOSES: [&[&str]; 25] = [
+const PURPOSES: [&[&str]; 36] = [
     &["but", "keep"],
     &["but", "leave"],
     &["and", "leave"],
@@ -33,10 +34,21 @@ const PURPOSES: [&[&str]; 25] = [
     &["for", "a", "better"],
     &["for", "better"],
     &["which", "is"],
+    &["so", "it"],
+    &["so", "its"],
+    &["so", "the"],
+    &["for", "a", "figure"],
+    &["for", "my"],
+    &["for", "our"],
+    &["for", "the", "paper"],
+    &["for", "the", "figure"],
+    &["i'm", "too"],
+    &["i", "am", "too"],
+    &["i", "don't", "need"],
 ];
 
 /// Beginnings and ends of an utterance about X, and the command in their place.
-const FRAMES: [(&[&str], &[&str], &str); 33] = [
+const FRAMES: [(&[&str], &[&str], &str); 39] = [
     (&["i", "don't", "want", "to", "see"], &[], "hide X"),
     (&["i", "dont", "want", "to", "see"], &[], "hide X"),
     (&["i", "do", "not", "want", "to", "see"], &[], "hide X"),
@@ -70,6 +82,12 @@ const FRAMES: [(&[&str], &[&str], &str); 33] = [
     (&["where", "is"], &[], "frame X"),
     (&["where", "are"], &[], "frame X"),
     (&["spin"], &[], "rotate X"),
+    (&["add"], &[], "add X to the selection"),
+    (&["now", "without"], &[], "remove X from the selection"),
+    (&["replace", "the", "selection", "by"], &[], "select X"),
+    (&["replace", "the", "selection", "with"], &[], "select X"),
+    (&["protect"], &["against", "changes"], "lock X"),
+    (&["protect"], &["from", "changes"], "lock X"),
 ];
 
 /// Words of politeness that may stand before a frame.
@@ -99,9 +117,18 @@ const WHOLE: [(&str, &str); 16] = [
 pub(super) fn of(source: &str, tokens: &[Token]) -> Vec<String> {
     let mut all = simple(source, tokens);
     // A purpose may follow any other form.
-    if let Some(short) = without_purpose(source, tokens) {
-        all.extend(simple(&short, &token::tokens(&short)));
-        all.push(short);
+    let short = without_purpose(source, tokens);
+    if let Some(short) = &short {
+        all.extend(simple(short, &token::tokens(short)));
+        all.push(short.clone());
+    }
+    for text in std::iter::once(source).chain(short.as_deref()) {
+        for plain in plain_form::of(text, &token::tokens(text)) {
+            let tokens = token::tokens(&plain);
+            all.extend(simple(&plain, &tokens));
+            all.extend(without_purpose(&plain, &tokens));
+            all.push(plain);
+        }
     }
     all
 }
@@ -136,7 +163,15 @@ fn asked(source: &str, tokens: &[Token]) -> Option<String> {
 fn without_purpose(source: &str, tokens: &[Token]) -> Option<String> {
     let is_purpose =
         |at: &usize| PURPOSES.iter().any(|words| tokens.get(*at..).is_some_and(|rest| begins_with(rest, words)));
-    let at = (2..tokens.len()).find(is_purpose)?;
+    // "Orange, not blue" is orange. "Everything, not the bone" is an exception.
+    let is_all = tokens.iter().any(|t| matches!(t.text.as_str(), "all" | "everything" | "every" | "each"));
+    let is_contrast = |at: &usize| {
+        let here = tokens.get(at.saturating_sub(1)..).unwrap_or_default();
+        !is_all
+            && here.first().is_some_and(|t| t.is_mark(','))
+            && begins_with(here.get(1..).unwrap_or_default(), &["not"])
+    };
+    let at = (2..tokens.len()).find(|at| is_purpose(at) || is_contrast(at))?;
     Some(text_of(source, tokens.get(..at)?).trim_end_matches([',', ' ']).to_owned())
 }
 

@@ -66,6 +66,7 @@ fn replaced(reader: &Reader<'_>, source: &str, (head, tail): (&[Token], &[Token]
     if !first.not_understood.is_empty() || first.clauses.is_empty() {
         return None;
     }
+    let mut named = None;
     let mut lengths: Vec<usize> = (1..=MAX_REPLACED.min(head.len())).collect();
     lengths.sort_by_key(|length| length.abs_diff(tail.len()));
     for length in lengths {
@@ -76,9 +77,16 @@ fn replaced(reader: &Reader<'_>, source: &str, (head, tail): (&[Token], &[Token]
             if corrected.is_certain() && differs_once(&first, &corrected) {
                 return Some(corrected);
             }
+            // The labeling service may know the name. It takes the place of a known one.
+            let has_article = tail.first().is_some_and(|t| matches!(t.text.as_str(), "the" | "my" | "this" | "that"));
+            let is_whole = corrected.not_understood.is_empty() && corrected.unknown == 1 && first.unknown == 0;
+            let is_name = has_article && is_whole;
+            if is_name && named.is_none() && differs_once(&first, &corrected) {
+                named = Some(corrected);
+            }
         }
     }
-    None
+    named
 }
 
 /// What stands before and behind the last marker. Marks and further markers between them belong to neither.

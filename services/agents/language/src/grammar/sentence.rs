@@ -8,7 +8,7 @@ use crate::commands::command::{Construct, Ellipsis};
 use crate::commands::table::TABLE;
 use crate::property::assignment;
 use crate::syntax::phrase::{
-    CLOSERS, CONJUNCTIONS, EXCEPTING, Input, Outcome, advance, end, is_break, one_of, peek_at, remaining, slice,
+    CLOSERS, CONJUNCTIONS, EXCEPTING, Input, Outcome, advance, end, is_break, one_of, over, peek_at, remaining, slice,
 };
 use crate::syntax::reading::{Property, Reading, Verb};
 use crate::syntax::target::target_alone;
@@ -109,7 +109,8 @@ pub(super) fn parse(openings: &OpeningIndex, mut input: Input<'_>) -> Sentence {
     let all = remaining(&input);
     let source = input.state.source;
     loop {
-        let sentence_ended = skip_conjunctions(&mut input);
+        let is_start = all.len() == remaining(&input).len();
+        let sentence_ended = skip_conjunctions(&mut input, is_start);
         if sentence_ended {
             failed_from = None;
         }
@@ -172,8 +173,8 @@ fn names_target(reading: &Reading) -> bool {
     reading.clauses.iter().filter_map(|c| c.target.as_ref()).any(|t| !t.names.is_empty() || t.selection || t.everything)
 }
 
-/// Skips conjunctions, marks and politeness between clauses. Returns whether a sentence ended.
-fn skip_conjunctions(input: &mut Input<'_>) -> bool {
+/// Skips conjunctions, marks and politeness between clauses, and at the start of the utterance. Returns whether a sentence ended.
+fn skip_conjunctions(input: &mut Input<'_>, is_start: bool) -> bool {
     // "also" may belong to the next clause ("also select the sac").
     const SKIPPED: &str = "and | then | but | plus | after that | afterwards | followed by";
     let mut ended = false;
@@ -184,7 +185,9 @@ fn skip_conjunctions(input: &mut Input<'_>) -> bool {
         }
         let mut alone = *input;
         let polite: Outcome<()> = repeat(1.., alt((one_of(PRELUDES), one_of(CLOSERS)))).parse_next(&mut alone);
-        if polite.is_ok() && peek_at(&alone, 0).is_none_or(is_break) {
+        // "Next" is about a tour where it is all that is said.
+        let is_step = is_start && remaining(input).iter().any(|token| token.text == "next");
+        if polite.is_ok() && !(is_step && over(&mut alone.clone()).is_ok()) && peek_at(&alone, 0).is_none_or(is_break) {
             *input = alone;
             continue;
         }
@@ -202,8 +205,11 @@ fn skip_conjunctions(input: &mut Input<'_>) -> bool {
 fn is_blocked(input: &Input<'_>) -> bool {
     let mut at = *input;
     loop {
-        // "don't show the sac" is a way to say "hide the sac".
-        let hides: Outcome<usize> = one_of("don't show | do not show").parse_next(&mut at.clone());
+        // "don't show the sac" is a way to say "hide the sac", and a tour can stop.
+        const COMMANDS: &str =
+            "don't show | do not show | stop the tour | stop this tour | stop touring | stop the walkthrough";
+        let alone = (one_of("stop"), over).map(|(place, ())| place);
+        let hides: Outcome<usize> = alt((one_of(COMMANDS), alone)).parse_next(&mut at.clone());
         let negation: Outcome<usize> = one_of(NEGATIONS).parse_next(&mut at.clone());
         if hides.is_ok() || negation.is_ok() {
             return hides.is_err();

@@ -19,7 +19,7 @@ const MOST_LONGER: usize = 2;
 /// that mean different things.
 pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sentence)> {
     let tokens = token::tokens(text);
-    let vocabulary = suggest::vocabulary(&reader.names);
+    let vocabulary = suggest::vocabulary(&reader.known_names());
     let mut misspelt: Vec<(&Token, Vec<&str>)> = Vec::new();
     for token in tokens.iter().filter(|t| t.kind == Kind::Word) {
         if !vocabulary.contains(&token.text) && !color::is_word(&token.text) {

@@ -6,13 +6,22 @@ use std::sync::LazyLock;
 use sg_proto::language::Act;
 
 use crate::color;
-use crate::commands::command::Construct;
+use crate::commands::command::{Command, Construct};
 use crate::commands::help::with_names;
+use crate::commands::kept_views::GO_TO_TITLE;
 use crate::commands::table::TABLE;
 use crate::syntax::token::{self, Kind, Token};
 
-/// Commands whose examples may be refused: those on saved units alone, and the one on a file that has to be there.
-const MAY_BE_REFUSED: [Act; 3] = [Act::Rename, Act::Delete, Act::Open];
+/// Whether an example may be refused: one on saved units alone, on kept viewpoints, or on a file that has to be there.
+fn may_be_refused(entry: &Command, example: &str) -> bool {
+    match entry.act {
+        Act::Rename | Act::Delete | Act::Open | Act::ForgetView => true,
+        Act::SetView => entry.title == GO_TO_TITLE,
+        // A new name is none of a unit that exists.
+        Act::Label => example.contains("{unit}"),
+        _ => false,
+    }
+}
 
 /// Largest number of suggestions.
 pub(super) const MAX_SUGGESTIONS: usize = 3;
@@ -50,7 +59,7 @@ fn words(phrase: &str) -> impl Iterator<Item = String> {
     token::tokens(phrase).into_iter().filter(|t| t.kind == Kind::Word).map(|t| t.text)
 }
 
-/// All words of the table and of the units' names.
+/// All words of the table and of some names.
 pub(super) fn vocabulary(names: &[&str]) -> BTreeSet<String> {
     let mut vocabulary = TABLE_WORDS.clone();
     vocabulary.extend(names.iter().flat_map(|name| words(name)));
@@ -84,9 +93,8 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
         .map(|t| t.lemma)
         .collect();
     let mut scored: Vec<(usize, &str)> = Vec::new();
-    for entry in TABLE.iter().filter(|entry| !MAY_BE_REFUSED.contains(&entry.act)) {
-        // A new name is none of a unit that exists.
-        for example in entry.examples.iter().filter(|e| entry.act != Act::Label || !e.contains("{unit}")) {
+    for entry in TABLE {
+        for example in entry.examples.iter().filter(|example| !may_be_refused(entry, example)) {
             let shared = token::tokens(example).iter().filter(|t| lemmas.contains(&t.lemma)).count();
             if shared > 0 {
                 scored.push((shared, example));

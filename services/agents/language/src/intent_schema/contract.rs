@@ -51,6 +51,7 @@ pub(super) const BOUNDS: &[(&str, Bound)] = &[
     ("scene.v1.Orbit.azimuth_degrees", Bound::Number(-3600.0, 3600.0)),
     ("scene.v1.Orbit.elevation_degrees", Bound::Number(-3600.0, 3600.0)),
     ("scene.v1.SetView.zoom", Bound::Number(0.01, 100.0)),
+    ("scene.v1.SetView.kept", Bound::MaxChars(MAX_NAME_BYTES)),
     ("scene.v1.SetTone.saturation", Bound::Number(0.0, 4.0)),
     ("scene.v1.SetTone.brightness", Bound::Number(0.0, 4.0)),
     ("scene.v1.SetTone.temperature", Bound::Number(-1.0, 1.0)),

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use sg_proto::scene::Color;
 use winnow::Parser;
-use winnow::combinator::{opt, repeat};
+use winnow::combinator::{alt, opt, repeat};
 use winnow::error::EmptyError;
 use winnow::stream::{Stateful, Stream as _, TokenSlice};
 use winnow::token::any;
@@ -19,6 +19,8 @@ pub(crate) struct ParseContext<'t> {
     pub(crate) source: &'t str,
     /// Names of the scene's units, each with its normalized words.
     pub(crate) names: &'t [(String, Vec<String>)],
+    /// Names of kept viewpoints, each with its normalized words.
+    pub(crate) kept_views: &'t [(String, Vec<String>)],
     /// First lemmas of all opening phrases.
     pub(crate) opening_lemmas: &'t [String],
     /// Whether something is selected.
@@ -132,7 +134,8 @@ pub(crate) const CLOSERS: &str = "please | now | right now | thanks | thank you 
 
 /// Phrases for the selection after "from" or "to".
 pub(crate) const THE_SELECTION: &str = "the selection | my selection | the current selection | selection | what is selected | \
-     the selected";
+     the selected | what i have brushed | what i 've brushed | what i brushed | what i have selected | what i selected | \
+     my brushed part | the brushed part";
 
 /// Nouns for a unit.
 pub(crate) const UNIT_NOUN: &str = "unit | label | structure | object | segment | component | part | group | region";
@@ -161,6 +164,13 @@ pub(crate) fn end(input: &mut Input<'_>) -> Outcome<()> {
         || tokens.first().is_none_or(|t| is_break(t))
         || items(CONJUNCTIONS).any(|j| phrase_length(tokens, j).is_some());
     if ends { Ok(()) } else { Err(EmptyError) }
+}
+
+/// Parses the end of the utterance, after closing words and marks.
+pub(crate) fn over(input: &mut Input<'_>) -> Outcome<()> {
+    let closing = alt((one_of(CLOSERS).void(), token.verify(|t: &&Token| is_break(t)).void()));
+    let _: Vec<()> = repeat(0.., closing).parse_next(input)?;
+    if remaining(input).is_empty() { Ok(()) } else { Err(EmptyError) }
 }
 
 /// Parses a colour by name or literal. Returns it with its spoken name.

@@ -15,7 +15,7 @@ use super::phrase::{
     EXCEPTING, Input, Outcome, advance, article, end, exactly, items as listed, mark, one_of, peek_at, phrase,
     remaining, slice, word,
 };
-use super::token::{Kind, normalized_name};
+use super::token::{Kind, Token, normalized_name};
 use crate::color;
 
 /// A parsed target.
@@ -94,6 +94,11 @@ const NOT_IN_NAMES: &str = "the | a | an | this | that | these | those | my | yo
  selected | 's | once | twice | again | about | except | like";
 
 static SENTENCE_WORDS: LazyLock<BTreeSet<&str>> = LazyLock::new(|| listed(NOT_IN_NAMES).collect());
+
+/// Whether a word is never part of an unknown name.
+pub(crate) fn is_sentence_word(word: &str) -> bool {
+    SENTENCE_WORDS.contains(word)
+}
 
 /// All readings of the target that begins here, the most likely first, each with the rest of the input.
 pub(crate) fn readings<'t>(input: &Input<'t>) -> Vec<(Target, Input<'t>)> {
@@ -259,7 +264,7 @@ fn items<'t>(input: &Input<'t>, continued: bool) -> Vec<(Target, Input<'t>)> {
             let mut rest = at;
             advance(&mut rest, 1);
             let name = token.text.clone();
-            let unknown = usize::from(!is_known(input, &name));
+            let unknown = usize::from(!has_name(input.state.names, &name));
             found.push((named(name, unknown), rest));
         }
         let definite = peek_at(input, 0).is_some_and(|t| matches!(t.text.as_str(), "the" | "a" | "an"));
@@ -315,9 +320,26 @@ fn named(name: String, unknown: usize) -> Target {
     Target { reference: Reference { names: vec![name], ..Reference::default() }, unknown }
 }
 
-fn is_known(input: &Input<'_>, name: &str) -> bool {
+/// Whether one of some names, each with its normalized words, is this one.
+pub(crate) fn has_name(names: &[(String, Vec<String>)], name: &str) -> bool {
     let key = normalized_name(name);
-    input.state.names.iter().any(|(n, folded)| n == name || *folded == key)
+    names.iter().any(|(n, folded)| n == name || *folded == key)
+}
+
+/// Numbers of tokens of the names that begin here, the longest first.
+pub(crate) fn known_lengths(names: &[(String, Vec<String>)], tokens: &[&Token]) -> Vec<usize> {
+    let mut lengths: Vec<usize> = names
+        .iter()
+        .filter_map(|(_, folded)| {
+            let here = tokens.get(..folded.len())?;
+            let fits =
+                !folded.is_empty() && here.iter().zip(folded).all(|(t, w)| t.lemma == *w && t.kind != Kind::Quoted);
+            fits.then_some(folded.len())
+        })
+        .collect();
+    lengths.sort_unstable_by(|a, b| b.cmp(a));
+    lengths.dedup();
+    lengths
 }
 
 /// Known names that begin here, the longest first.
@@ -332,20 +354,7 @@ fn known<'t>(input: &Input<'t>, found: &mut Vec<(Target, Input<'t>)>) {
             break;
         }
         let rest = tokens.get(skipped..).unwrap_or_default();
-        let mut lengths: Vec<usize> = input
-            .state
-            .names
-            .iter()
-            .filter_map(|(_, folded)| {
-                let here = rest.get(..folded.len())?;
-                let fits =
-                    !folded.is_empty() && here.iter().zip(folded).all(|(t, w)| t.lemma == *w && t.kind != Kind::Quoted);
-                fits.then_some(folded.len())
-            })
-            .collect();
-        lengths.sort_unstable_by(|a, b| b.cmp(a));
-        lengths.dedup();
-        for length in lengths {
+        for length in known_lengths(input.state.names, rest) {
             let mut at = *input;
             advance(&mut at, skipped + length);
             let name = slice(input.state.source, rest.get(..length).unwrap_or_default());
@@ -371,7 +380,7 @@ fn unknown<'t>(input: &Input<'t>, not_an_opening: bool, found: &mut Vec<(Target,
         let Some(name) = tokens.get(..length) else { return };
         let Some(last) = name.last() else { return };
         let fits = match last.kind {
-            Kind::Word => !SENTENCE_WORDS.contains(last.text.as_str()),
+            Kind::Word => !is_sentence_word(&last.text),
             Kind::Number(_) => length > 1,
             Kind::Quoted | Kind::Color(_) | Kind::File | Kind::Mark(_) => false,
         };

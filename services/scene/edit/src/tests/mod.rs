@@ -4,6 +4,7 @@ mod commands;
 mod deletion;
 mod duplicates;
 mod edited;
+mod kept_views;
 mod lock;
 mod merge;
 mod placement;

@@ -6,9 +6,9 @@ use sg_proto::replica::Replica as _;
 use sg_proto::scene::adjust_transfer_function::Change;
 use sg_proto::scene::set_view::Change as ViewChange;
 use sg_proto::scene::{
-    AdjustTransferFunction, ControlPoint, Event, MergeUnits, NamedView, Orbit, Redo, RenameUnit, Reset, Select,
-    SetBackground, SetLight, SetTerm, SetTone, SetTransferFunction, SetView, TransferFunction, Undo, ValueColor,
-    ValueRange, ValueWindow,
+    AdjustTransferFunction, ControlPoint, Event, ForgetView, KeepView, MergeUnits, NamedView, Orbit, Redo, RenameUnit,
+    Reset, Select, SetBackground, SetLight, SetTerm, SetTone, SetTransferFunction, SetView, TransferFunction, Undo,
+    ValueColor, ValueRange, ValueWindow,
 };
 
 use sg_scene::similarity::Similarity;
@@ -64,6 +64,8 @@ fn action() -> impl Strategy<Value = Action> {
             }),
         1 => name().prop_map(|name| Action::DeleteUnit(sg_proto::scene::DeleteUnit { name })),
         1 => (name(), name()).prop_map(|(name, new_name)| Action::RenameUnit(RenameUnit { name, new_name })),
+        2 => view_name().prop_map(|name| Action::KeepView(KeepView { name })),
+        1 => view_name().prop_map(|name| Action::ForgetView(ForgetView { name })),
         2 => (0_u32..4).prop_map(|steps| Action::Undo(Undo { steps })),
         2 => (0_u32..4).prop_map(|steps| Action::Redo(Redo { steps })),
         1 => Just(Action::Reset(Reset {})),
@@ -81,11 +83,16 @@ fn action() -> impl Strategy<Value = Action> {
             (-1.0..4.0).prop_map(ViewChange::Zoom),
             target().prop_map(ViewChange::Focus),
             Just(ViewChange::Named(NamedView::Top.into())),
+            view_name().prop_map(ViewChange::Kept),
         ].prop_map(|change| Action::SetView(SetView { change: Some(change) })),
     ]
 }
 
-/// A move whose shift is its axis and its pivot too.
+/// Names of kept viewpoints, some of which are the same in other capitals.
+fn view_name() -> impl Strategy<Value = String> {
+    prop::sample::select(vec!["", "entry", "Entry", "view 1", "view 2"]).prop_map(str::to_owned)
+}
+
 /// Transfer functions, most of which are in order.
 fn function() -> impl Strategy<Value = TransferFunction> {
     let point = (0.0..2000.0_f64, some_color(), -0.05..1.0_f32).prop_map(|(value, color, opacity)| ControlPoint {

@@ -45,7 +45,7 @@ impl Selector {
     }
 }
 
-/// What the clusters of a state look like in the file, without its deleted Gaussians. Colours count by opacity.
+/// What the clusters of a state look like in the file, without its deleted Gaussians. Colours count by opacity and area.
 fn looks(scene: &Scene, clustered: &Clustered, state: &EditState) -> Vec<ClusterLook> {
     let clustering = &clustered.clustering;
     let mut sums = vec![(0_u64, 0.0_f64, [0.0_f64; 3]); clustering.clusters.len()];
@@ -54,11 +54,12 @@ fn looks(scene: &Scene, clustered: &Clustered, state: &EditState) -> Vec<Cluster
         let sum = usize::try_from(*label).ok().and_then(|label| sums.get_mut(label));
         let Some((count, weight, color)) = sum.filter(|_| !state.deleted().get(g)) else { continue };
         *count += 1;
-        let (own, opacity) = (unit.unlit_color(i), f64::from(unit.gaussians.opacity(i)));
-        if own.is_finite() && opacity.is_finite() {
-            *weight += opacity;
+        let seen = f64::from(unit.gaussians.opacity(i)) * unit.gaussians.mean_area(i);
+        let own = unit.unlit_color(i);
+        if own.is_finite() && seen.is_finite() {
+            *weight += seen;
             for (sum, channel) in color.iter_mut().zip(own.to_array()) {
-                *sum += opacity * channel.clamp(0.0, 1.0);
+                *sum += seen * channel.clamp(0.0, 1.0);
             }
         }
     }
