@@ -99,7 +99,7 @@ fn views_are_found_kept_and_toured_by_words() {
         let (title, _) = stop(&mut utterances, &mut replies).await;
         assert_eq!(title, "Tour, stop 1 of 1: sac");
         done(&stack, "stop the tour");
-        until_tour(&cli, |tour| tour.is_none()).await;
+        until_tour(&cli, Option::is_none).await;
     })
     .unwrap();
 }

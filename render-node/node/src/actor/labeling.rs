@@ -217,7 +217,7 @@ mod tests {
     /// Texts that a service of these tests was asked for.
     type Texts = Arc<Mutex<Vec<(String, bool)>>>;
 
-    /// Answers each text with a unit of its name. "slow" takes longer than any test, and "none" is refused.
+    /// Answers each text with a unit of its name. "slow" takes a while, and "none" is refused.
     async fn serve(bus: &Bus) -> (ServerHandle, Texts) {
         let texts = Texts::default();
         let asked = Arc::clone(&texts);
@@ -225,7 +225,7 @@ mod tests {
             asked.lock().unwrap().push((request.text.clone(), request.regions));
             async move {
                 match request.text.as_str() {
-                    "slow" => tokio::time::sleep(10 * PATIENCE).await,
+                    "slow" => tokio::time::sleep(Duration::from_millis(500)).await,
                     "none" => return Err(Fault::precondition("nothing is labelled")),
                     _ => (),
                 }
@@ -255,6 +255,7 @@ mod tests {
         }
         questions.find(2, "sac".to_owned());
         session.until("the newer question", |state| found(state, 2) == Some(Ok("sac".to_owned()))).await;
+        assert_eq!(found(&session.writer.newest(), 1), None, "the answer to the older one is not shown");
         assert!(texts.lock().unwrap().iter().all(|(_, regions)| *regions), "parts without a name are wanted too");
         questions.find(3, "none".to_owned());
         let refused = Some(Err("nothing is labelled".to_owned()));

@@ -52,7 +52,7 @@ mod tests {
         assert!((first.eye - from.eye).length() < 1e-12 && !arrived);
         let (middle, _) = flight.at(first, 10.0 + 0.5 * SECONDS).unwrap();
         assert!(middle.eye.distance(from.eye) > 1.0 && middle.eye.distance(to.eye) > 1.0);
-        assert_eq!(flight.at(middle, 10.0 + SECONDS), Some((to, true)));
+        assert_eq!(flight.at(middle, 10.0 + 1.1 * SECONDS), Some((to, true)));
         let mut held = ViewFlight::new(from, to, 10.0);
         assert_eq!(held.at(to, 10.1), None, "a hand has moved the eye");
     }

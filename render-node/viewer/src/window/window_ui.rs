@@ -65,8 +65,8 @@ pub struct WindowUi {
     first_view: FirstView,
     /// The axis that was up in the last frame.
     up: Option<Axis>,
-    /// The view that this window has sent and the scene has not confirmed yet.
-    sent: Option<View>,
+    /// The view that this window has sent and the scene has not confirmed yet, and the revision before it.
+    sent: Option<(View, u64)>,
     /// The way of the eye to a view that somebody else has set.
     flight: Option<ViewFlight>,
     pub(super) panels_shown: bool,
@@ -229,10 +229,13 @@ impl WindowUi {
     pub fn show(&mut self, ui: &mut Ui) {
         self.scene_view.take_in(ui);
         let newest = self.view_port.newest();
-        if newest.scene.view() != self.shared {
-            self.shared = newest.scene.view();
+        let view = newest.scene.view();
+        // This window's own view may be followed by another one before it is ever seen here.
+        let is_passed = self.sent.is_some_and(|(sent, before)| newest.scene.revision() > before && view != sent);
+        if view != self.shared || is_passed {
+            self.shared = view;
             // The eye has been there already, and may have moved on.
-            if self.sent.take() != Some(self.shared) {
+            if self.sent.take().map(|(sent, _)| sent) != Some(view) {
                 let now = ui.input(|input| input.time);
                 self.flight = Some(ViewFlight::new(self.scene_view.navigator.view, self.shared, now));
             }
@@ -366,7 +369,7 @@ impl WindowUi {
         for request in requests {
             let view = self.scene_view.navigator.view;
             if refers_to_view(&request) && !self.scene_view.is_at(newest.scene.view()) {
-                self.sent = Some(view);
+                self.sent = Some((view, newest.scene.revision()));
                 let change = Some(set_view::Change::View(encode_view(&view)));
                 self.view_port.send(Request::Change(Box::new(command::Action::SetView(SetView { change }))));
             }

@@ -104,8 +104,7 @@ struct Walk {
 
 impl Walk {
     async fn run(mut self, mut steps: mpsc::Receiver<TourStep>) {
-        loop {
-            let Some(stop) = self.tour.stops.get(self.tour.at as usize).cloned() else { break };
+        while let Some(stop) = self.tour.stops.get(self.tour.at as usize).cloned() {
             self.publish_tour().await;
             let step = {
                 let visit = self.visit(&stop);

@@ -229,7 +229,14 @@ impl Condition {
                 }
             }
             Self::Selection(_) => before.selected.clone_from(&after.selected),
-            Self::Unit(..) => before.take_units(after),
+            Self::Unit(..) => {
+                before.take_units(after);
+                // The Gaussians of a copy are new, and selected.
+                if after.existing > before.existing {
+                    before.existing = after.existing;
+                    before.selected.clone_from(&after.selected);
+                }
+            }
             Self::Deleted(_) => {
                 before.take_units(after);
                 before.existing = after.existing;

@@ -63,6 +63,7 @@ struct Session {
     start: Outcome,
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "`map_err` hands over the error")]
 fn broken(why: impl ToString) -> EvalError {
     EvalError::Data { path: "the stack".to_owned(), why: why.to_string() }
 }

@@ -571,7 +571,7 @@ mod tests {
             ("I want to work on the skull, select it", "select the skull"),
             ("I need it on a white background for a figure", "make the background white"),
             ("change the bg to light green", "make the background light green"),
-            ("orbit up by about 20°", "orbit up by 20"),
+            ("orbit up by about 20°", "orbit up by 20°"),
             ("give the bone a warmer tone", "make the bone warmer"),
         ] {
             let forms = of(said, &tokens(said));
