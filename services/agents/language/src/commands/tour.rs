@@ -31,7 +31,7 @@ pub(super) const TOUR: Command = Command {
              lead us through | fly me through | fly through | visit | present",
             through,
         ),
-        Construct::new("pause | wait | hold on | hold | stay | wait here | stay here | hold it", |_, i| paused(i)),
+        Construct::new("pause | wait here | stay here", |_, i| paused(i)),
         Construct::new(
             "go on | continue | carry on | resume | proceed | keep going | unpause | go ahead | move along",
             |_, i| of_tour(TourStep::Resume, i),

@@ -122,13 +122,19 @@ fn command_for(source: &str, subject: &[Token], value: &[Token]) -> Option<Strin
 
 /// "Soft tissue off" as "hide soft tissue", "the sac shown on its own" as "show only the sac".
 fn state(source: &str, tokens: &[Token]) -> Option<String> {
-    let (rest, command) = STATES
+    let (rest, state, command) = STATES
         .iter()
-        .filter_map(|(state, command)| Some((before(tokens, &[state])?, *command)))
-        .min_by_key(|(rest, _)| rest.len())?;
-    let verb = ["turn", "switch", "take", "put", "get", "make", "have", "keep", "set", "leave", "bring", "move"];
+        .filter_map(|(state, command)| Some((before(tokens, &[state])?, *state, *command)))
+        .min_by_key(|(rest, ..)| rest.len())?;
+    // "Put the kettle on" is no talk about a scene, "turn the bone on" and "take the bone away" are.
+    const SWITCHES: [&str; 2] = ["turn", "switch"];
+    const MOVES: [&str; 6] = ["take", "put", "get", "bring", "move", "leave"];
+    const PLACES: [&str; 3] = ["away", "out of the way", "out of sight"];
+    let is = |t: &Token, words: &[&str]| words.contains(&t.text.as_str());
     let object = match rest.split_first() {
-        Some((first, object)) if verb.contains(&first.text.as_str()) => object,
+        Some((first, object)) if is(first, &SWITCHES) => object,
+        Some((first, object)) if is(first, &MOVES) && PLACES.contains(&state) => object,
+        Some((first, _)) if is(first, &MOVES) => return None,
         _ => rest,
     };
     let object = match text_of(source, object) {
