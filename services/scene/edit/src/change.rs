@@ -11,9 +11,8 @@ use sg_scene::view::View;
 use sg_volume::TransferFunction;
 
 use super::duplicates::{self, Duplicate};
-use super::kept_views::KeptView;
 use super::placement::{self, Placement};
-use super::state::{BaseUnitState, EditState, Selection, Unit};
+use super::state::{BaseUnitState, EditState, KeptView, Selection, Unit};
 
 /// One value as it stands after a change.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,24 +4,14 @@ use std::sync::Arc;
 
 use sg_proto::limits::MAX_KEPT_VIEWS;
 use sg_proto::scene::{ForgetView, KeepView};
-use sg_scene::view::View;
 
 use super::error::EditError;
 use super::names::checked_name;
-use super::state::EditState;
+use super::state::{EditState, KeptView};
 use super::transaction::Transaction;
 
 /// Stem of the names that are chosen here.
 const STEM: &str = "view";
-
-/// A kept viewpoint.
-#[derive(Debug, Clone, PartialEq)]
-pub struct KeptView {
-    /// Name, unique among kept viewpoints in any capitals.
-    pub name: String,
-    /// The viewpoint.
-    pub view: View,
-}
 
 impl EditState {
     /// Kept viewpoints, oldest first.

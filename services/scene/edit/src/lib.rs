@@ -72,12 +72,11 @@ pub use edited::Part;
 pub use editor::{Applied, Editor};
 pub use error::EditError;
 pub use history::HistoryMove;
-pub use kept_views::KeptView;
 pub use placed_scene::PlacedScene;
 pub use placement::{Placement, middle};
 pub use reach::{LEAK_RANGE, leak_of, reach_of};
 pub use replica::{Replica, ReplicaError};
-pub use state::{BaseUnitState, EditState, Geometry, Selection, Unit, UnitRef, mask_hash};
+pub use state::{BaseUnitState, EditState, Geometry, KeptView, Selection, Unit, UnitRef, mask_hash};
 
 pub use editor::{check_id, stored_entry};
 pub use history::{Entry, History};

@@ -20,7 +20,6 @@ use sg_scene::view::View;
 use sg_volume::TransferFunction;
 
 use super::duplicates::Duplicate;
-use super::kept_views::KeptView;
 use super::placement::Placement;
 
 /// A base unit as edits see it.
@@ -93,6 +92,15 @@ impl Unit {
     pub fn is_neutral(&self) -> bool {
         self.color.is_none() && self.opacity == 1.0 && self.visible && self.tone.is_neutral()
     }
+}
+
+/// A kept viewpoint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptView {
+    /// Name, unique among kept viewpoints in any capitals.
+    pub name: String,
+    /// The viewpoint.
+    pub view: View,
 }
 
 /// The selected Gaussians and the way they were selected.

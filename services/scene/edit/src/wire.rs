@@ -19,8 +19,7 @@ pub use self::transfer_function_message::{decode_transfer_function, encode_trans
 use self::transfer_function_message::{decode_volume, encode_volume};
 use self::unit_message::{decode_base, decode_unit, encode_base, encode_unit};
 use super::change::Change;
-use super::kept_views::KeptView;
-use super::state::{EditState, Geometry, Selection};
+use super::state::{EditState, Geometry, KeptView, Selection};
 use sg_scene::appearance::ShadingTerm;
 use sg_scene::camera::{Light, LightMode};
 use sg_scene::mask::Mask;
