@@ -21,6 +21,7 @@ mod grid;
 mod grid_view;
 mod hints;
 mod image_texture;
+mod input_order;
 mod lasso;
 mod mouse_tool;
 mod move_tool;
@@ -83,6 +84,7 @@ pub use shortcuts::{Group, MOUSE, SHORTCUTS, Shortcut};
 pub use window_files::WindowFiles;
 pub use window_ui::WindowUi;
 
+use input_order::InputOrder;
 use native_dialog::NativeDialogs;
 use surface::{PresentResult, WindowSurface};
 
@@ -164,6 +166,7 @@ struct OpenWindow {
     /// Taken away before another is opened: a window has one at a time.
     surface: Option<WindowSurface>,
     input: egui_winit::State,
+    input_order: InputOrder,
     window_ui: WindowUi,
     copies: Option<bool>,
     /// The newest drawing device already tried for presenting.
@@ -236,6 +239,7 @@ impl OpenWindow {
             window,
             surface: None,
             input,
+            input_order: InputOrder::default(),
             window_ui,
             copies,
             tried_device: None,
@@ -295,12 +299,14 @@ impl OpenWindow {
         if self.untried().is_some() {
             self.open_surface()?;
         }
-        let raw = self.input.take_egui_input(&self.window);
+        let mut raw = self.input.take_egui_input(&self.window);
+        raw.events = self.input_order.next(raw.events);
         let ctx = self.input.egui_ctx().clone();
         let output = ctx.run_ui(raw, |ui| self.window_ui.show(ui));
         self.input.handle_platform_output(&self.window, output.platform_output);
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         let delay = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
+        let delay = if self.input_order.is_waiting() { Duration::ZERO } else { delay };
         self.due = Instant::now().checked_add(delay);
         self.missed = false;
         let Some(surface) = &mut self.surface else { return Ok(()) };

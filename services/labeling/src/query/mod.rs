@@ -9,7 +9,7 @@
 //! let scene = Scene::new(items, Frame::XYZ)?;
 //! let Outcome::Match { items } = scene.find("cranium") else { return Err("no match".into()) };
 //! assert_eq!(items[0].item, 0);
-//! assert_eq!(items[0].explanation(), "part of the same kind: cranium ~ skull");
+//! assert_eq!(items[0].explanation(), "usual name: cranium ~ skull");
 //! assert!(matches!(scene.find("the kidney"), Outcome::Ambiguous { candidates } if candidates.len() == 2));
 //! assert!(matches!(scene.find("liver"), Outcome::NothingMatches { .. }));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
