@@ -1,7 +1,7 @@
 //! What people of a field call the same structure, where the dictionary does not say so.
 
-/// Names of one structure. Each stands in one row.
-const SAME: [&[&str]; 12] = [
+/// Names of one structure. A name of several structures stands in several rows.
+const SAME: [&[&str]; 18] = [
     &["aneurysm", "aneurysm sac", "sac", "dome"],
     &["skull", "cranium", "calvaria", "braincase"],
     &["vessel", "vessels", "vasculature", "vascular tree", "angiogram"],
@@ -14,6 +14,12 @@ const SAME: [&[&str]; 12] = [
     &["stone", "calculus", "concretion"],
     &["fat", "adipose tissue", "body fat"],
     &["implant", "prosthesis"],
+    &["clip", "metal", "metal clip"],
+    &["screw", "metal"],
+    &["stent", "metal"],
+    &["coil", "metal"],
+    &["tissue", "soft tissue", "flesh"],
+    &["vessel", "vessels", "arterial tree", "arteries"],
 ];
 
 /// Other names of a structure, for a term in lower case.

@@ -57,7 +57,7 @@ impl MeasuredUnits {
         let frame = frame_of(state);
         let items = names.iter().zip(attributes);
         let items = items.map(|(name, attributes)| Item { label: Some(name.clone()), attributes });
-        let queryable = Queryable::new(items, frame)?;
+        let queryable = Queryable::new(items, frame)?.with_covered(covered(state, &refs));
         let units = Arc::new(Units { names, queryable, revision: state.revision() });
         self.newest = Some(Arc::clone(&units));
         Ok(units)
@@ -84,6 +84,22 @@ impl MeasuredUnits {
         self.measured = Some(Measured { of: state.clone(), looks });
         attributes
     }
+}
+
+/// For each unit whether saved units have all of its Gaussians, if it is a base unit.
+fn covered(state: &EditState, refs: &[UnitRef]) -> Vec<bool> {
+    let mut saved: Option<Mask> = None;
+    for unit in state.units().filter(|unit| !unit.derived) {
+        match &mut saved {
+            Some(saved) => saved.union_with(&unit.mask),
+            None => saved = Some(Mask::clone(&unit.mask)),
+        }
+    }
+    let is_covered = |unit: &UnitRef| {
+        let saved = saved.as_ref().filter(|_| matches!(unit, UnitRef::Base(_)));
+        saved.is_some_and(|saved| state.members(*unit).is_subset_of(saved))
+    };
+    refs.iter().map(is_covered).collect()
 }
 
 /// The frame of words such as "left": that of the shared view.

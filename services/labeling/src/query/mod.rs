@@ -56,6 +56,8 @@ pub struct QueryContext<'c> {
 pub struct Scene {
     index: Index,
     looks: Looks,
+    /// For each item, whether others have all of its Gaussians.
+    covered: Vec<bool>,
 }
 
 impl Scene {
@@ -67,7 +69,14 @@ impl Scene {
         let items: Vec<Item> = items.into_iter().collect();
         let index = Index::new(items.iter().map(|item| item.label.as_deref()))?;
         let looks = Looks::new(items.into_iter().map(|item| item.attributes).collect(), frame);
-        Ok(Self { index, looks })
+        Ok(Self { index, looks, covered: Vec::new() })
+    }
+
+    /// With a word for each item whether others have all of its Gaussians, such as a base unit whose parts are saved units. A look
+    /// alone means such an item only where no other item has it.
+    #[must_use]
+    pub fn with_covered(self, covered: Vec<bool>) -> Self {
+        Self { covered, ..self }
     }
 
     /// The looks of the items, in their order.
@@ -87,7 +96,8 @@ impl Scene {
     #[must_use]
     pub fn find_by(&self, text: &str, context: QueryContext<'_>) -> Outcome {
         let QueryContext { meaning, pictures, selection } = context;
-        rank::find(Known { index: &self.index, looks: &self.looks, meaning, pictures, selection }, text)
+        let Self { index, looks, covered } = self;
+        rank::find(Known { index, looks, covered, meaning, pictures, selection }, text)
     }
 }
 
@@ -181,6 +191,17 @@ mod tests {
         let (deviations, center) = ([size; 3], glam::DVec3::splat(size));
         let attributes = Some(Attributes { count: 9, center, covariance, deviations, color, opacity: 0.8 });
         Item { label: Some(label.into()), attributes }
+    }
+
+    #[test]
+    fn a_look_means_the_part_before_what_its_parts_cover() {
+        let blue = [0.1, 0.2, 0.9];
+        let items = [ball("others", 2.0, blue), ball("sac", 1.0, blue), ball("bone", 2.0, [0.9, 0.9, 0.8])];
+        let scene = |covered| Scene::new(items.clone(), Frame::XYZ).unwrap().with_covered(covered);
+        assert_eq!(found(&scene(Vec::new()), "the blue one"), ('?', vec![0, 1]));
+        let scene = scene(vec![true, false, false]);
+        assert_eq!(found(&scene, "the blue one"), ('=', vec![1]));
+        assert_eq!(found(&scene, "the others"), ('=', vec![0]), "its name means it all the same");
     }
 
     #[test]

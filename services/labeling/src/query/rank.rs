@@ -29,6 +29,8 @@ const CONTENDER: f64 = 0.5;
 pub(super) struct Known<'k> {
     pub(super) index: &'k Index,
     pub(super) looks: &'k Looks,
+    /// For each item, whether others have all of its Gaussians. Items beyond its end are not covered.
+    pub(super) covered: &'k [bool],
     /// A sentence encoder, if there is one.
     pub(super) meaning: Option<&'k dyn LabelCosines>,
     /// An image-text model that has seen the items, if there is one.
@@ -142,6 +144,7 @@ fn find_named(known: Known<'_>, text: &str, number: Option<Number>) -> Outcome {
         return nothing(Why::NoWords);
     }
     let mut ranked = wanted(known, &query);
+    drop_covered(&mut ranked, known.covered);
     let is_excluded = excluded(known, &query, &ranked);
     let had_match = ranked.iter().any(|r| r.score >= THRESHOLD);
     ranked.retain(|r| !is_excluded.get(r.item).copied().unwrap_or_default());
@@ -159,6 +162,16 @@ fn find_named(known: Known<'_>, text: &str, number: Option<Number>) -> Outcome {
             item.by_exclusion = true;
         }
         outcome(ranked, &query, index)
+    }
+}
+
+/// Without the items that their look alone speaks for and whose Gaussians others have, if it speaks for others as well.
+fn drop_covered(ranked: &mut Vec<Ranked>, covered: &[bool]) {
+    let is_covered = |r: &Ranked| {
+        covered.get(r.item) == Some(&true) && r.evidence.is_empty() && r.meaning.is_none() && !r.looks.is_empty()
+    };
+    if ranked.iter().any(|r| r.score >= THRESHOLD && !is_covered(r)) {
+        ranked.retain(|r| !is_covered(r));
     }
 }
 

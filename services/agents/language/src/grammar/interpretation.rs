@@ -4,10 +4,12 @@
 //! The literal reading comes first, and an understood one is final. A repair counts only if every part of it is understood
 //! with known names. So a repair never changes the meaning of an utterance that has one.
 
+use std::collections::HashSet;
+
 use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
 use super::sentence::Sentence;
-use super::{Reader, UtteranceError, follow_up, plain_form, rewording, self_correction, spelling, tokens_of};
+use super::{Reader, UtteranceError, follow_up, plain_form, rewording, self_correction, slots, spelling, tokens_of};
 use crate::syntax::token::{self, Token};
 
 /// Longest utterance that is repaired, tokens. People say longer ones in parts.
@@ -60,6 +62,7 @@ const DESTRUCTIVE: [Act; 4] = [Act::DeleteGaussians, Act::Delete, Act::Reset, Ac
 /// | "make the sac red, no, blue" | "make the sac blue" |
 /// | "can the sac be red?", "hide the skin so that I can see the bone" | without the frame and the purpose |
 /// | "I was wondering whether the pink part could be hidden" | the plain form, with names that the labeling service may know |
+/// | "the bone, more see-through please" | the command that has these slots, in any order of the words |
 /// | "high the skin", "back ground white" | words in place of others that sound alike |
 /// | "hied the vesel" | the one way of spelling that makes a sentence; [`Intent::read_as`] tells it |
 /// | "and the vessel too", "the same for the vessel" | the last utterance for another target |
@@ -79,7 +82,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
         return Ok(withhold(reader.intent(text, &tokens, literal)));
     }
-    let forms = rewording::of(text, &tokens);
+    let forms = forms_of(&reader, text, &tokens);
     let plain = || forms.iter().find_map(|form| certain(&reader, form));
     if let Some(sentence) = self_correction::of(&reader, text, &tokens).or_else(plain) {
         return Ok(repaired(sentence, text, String::new()));
@@ -119,6 +122,18 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     Ok(withhold(reader.intent(text, &tokens, literal)))
 }
 
+/// Forms of an utterance in words of the table of commands, the surest first.
+fn forms_of(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Vec<String> {
+    let mut forms = rewording::of(text, tokens);
+    let by_slots = |form: &str| slots::of(reader, form, &token::tokens(form));
+    let commands: Vec<String> =
+        std::iter::once(text).chain(forms.iter().map(String::as_str)).filter_map(by_slots).collect();
+    forms.extend(commands);
+    let mut seen = HashSet::new();
+    forms.retain(|form| seen.insert(form.clone()));
+    forms
+}
+
 /// The clauses of an utterance whose parts are all understood, each in some form: "bone at 15 %, tissue off, white background".
 fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentence> {
     let parts = plain_form::parts(text, tokens);
@@ -127,7 +142,7 @@ fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentenc
     }
     let mut whole = Sentence::default();
     for part in parts {
-        let forms = rewording::of(&part, &token::tokens(&part));
+        let forms = forms_of(reader, &part, &token::tokens(&part));
         let all = || std::iter::once(part.as_str()).chain(forms.iter().map(String::as_str));
         let known = all().find_map(|form| certain(reader, form).filter(is_safe));
         let sentence = known.or_else(|| all().find_map(|form| understood(reader, form)))?;

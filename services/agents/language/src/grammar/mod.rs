@@ -26,6 +26,7 @@ mod plain_form;
 mod rewording;
 mod self_correction;
 mod sentence;
+mod slots;
 mod spelling;
 mod suggest;
 
@@ -129,8 +130,8 @@ impl<'o> Reader<'o> {
         self.read_tokens(text, &token::tokens(text))
     }
 
-    fn read_tokens(&self, source: &str, tokens: &[Token]) -> Sentence {
-        let context = ParseContext {
+    fn context<'c>(&'c self, source: &'c str) -> ParseContext<'c> {
+        ParseContext {
             source,
             names: &self.normalized,
             kept_views: &self.normalized_views,
@@ -139,7 +140,11 @@ impl<'o> Reader<'o> {
             has_focus: self.has_focus,
             view: self.view,
             readings_left: Cell::new(MAX_READINGS),
-        };
+        }
+    }
+
+    fn read_tokens(&self, source: &str, tokens: &[Token]) -> Sentence {
+        let context = self.context(source);
         let tokens: Vec<&Token> = tokens.iter().collect();
         sentence::parse(&OPENINGS, Input { input: TokenSlice::new(&tokens), state: &context })
     }
