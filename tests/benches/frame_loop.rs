@@ -24,11 +24,12 @@ use nix::unistd::Pid;
 use sg_proto::keys::{self, role};
 use sg_proto::render::{CaptureRequest, State};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Command, SetBackground, SetVisibility, Stroke, StrokeKind, StrokeMode, Target};
+use sg_proto::scene::{SetBackground, SetVisibility, Stroke, StrokeKind, StrokeMode, Target};
 use sg_proto::selection::SampleRequest;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_tests::bench::{argument, processor_time, thread_time};
+use sg_tests::commands::apply;
 use sg_tests::screen::Screen;
 use sg_tests::small_scene::{SAC, STROKE};
 use sg_tests::stack::Stack;
@@ -201,9 +202,7 @@ async fn look(bus: Bus) {
 }
 
 async fn change(bus: &Bus, action: Action) {
-    let context = Context::root();
-    let command = Command { id: context.id.clone(), expected_revision: 0, action: Some(action) };
-    bus.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap();
+    apply(bus, action, &Context::root()).await.unwrap();
 }
 
 async fn measured(

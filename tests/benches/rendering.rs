@@ -3,8 +3,8 @@
 //!
 //!     cargo bench --workspace --bench rendering -- --out measured
 //!
-//! With a walk-through (`tests/benches/walks`) it prints for each pose the decibels against the ray-consistent reference, the pairs
-//! of a Gaussian and a tile and the milliseconds, and with a volume the decibels against ray marching of it:
+//! With a walk-through (`tests/benches/walks`) it prints three numbers for each pose: the decibels against the ray-consistent
+//! reference, the pairs of a Gaussian and a tile, and the milliseconds. With a volume it adds the decibels against ray marching of it:
 //!
 //!     cargo bench --workspace --bench rendering -- --scene bonsai/scene.toml --walk tests/benches/walks/bonsai.txt \
 //!         --size 800x600 --volume bonsai_256x256x256_uint8.raw.zst --transfer-function launch/demo/bonsai.tf.json

@@ -1,5 +1,6 @@
-//! What a window costs at rest, minimised and covered, and how soon its picture is sharp after a motion: the real window on a screen
-//! of its own, with a mouse that drags. Its process's threads and their priorities come last.
+//! The cost of a window at rest, minimised and covered, and the time until its picture is sharp after a motion.
+//!
+//! It is the real window on a screen of its own, with a mouse that drags. Its process's threads and their priorities come last.
 //!
 //!     cargo bench --workspace --bench rest -- --seconds 10 --gaussians 100000 --turns 5
 

@@ -16,11 +16,12 @@ use std::time::{Duration, Instant};
 
 use sg_proto::keys::{self, role};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Color, Command, SetBackground, Stroke, StrokeKind, StrokeMode};
+use sg_proto::scene::{Color, SetBackground, Stroke, StrokeKind, StrokeMode};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_tests::bench::{argument, processor_time, quantile, waiting_time};
+use sg_tests::commands::apply;
 use sg_tests::made_scene;
 use sg_tests::stack::Stack;
 
@@ -119,11 +120,9 @@ fn main() {
         let mut alone = Vec::new();
         for n in 0..50_u8 {
             let color = Some(Color { red: f32::from(n) / 50.0, green: 0.5, blue: 0.5 });
-            let action = Some(Action::SetBackground(SetBackground { color }));
-            let context = context();
-            let command = Command { id: context.id.clone(), expected_revision: 0, action };
+            let (action, context) = (Action::SetBackground(SetBackground { color }), context());
             let sent = Instant::now();
-            stage.bus.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap();
+            apply(&stage.bus, action, &context).await.unwrap();
             alone.push(sent.elapsed().as_secs_f64() * 1e3);
             // The view's drawing of this change must not delay the next one.
             tokio::time::sleep(Duration::from_millis(400)).await;

@@ -2,6 +2,7 @@
 //! program that is to fill a role. The evaluation tables are here too.
 
 pub mod bench;
+pub mod commands;
 pub mod conformance;
 pub mod dropping;
 pub mod eval;

@@ -44,7 +44,7 @@ pub enum MeshLook {
     Beam,
     /// A transparent ball with a bright rim, brighter where it meets the scene. It hides nothing.
     Ball,
-    /// A floor of the rectangle from −½ to ½ in x and y of its mesh: lines every 25 cm and every metre, fading with the
+    /// A floor of the rectangle from −½ to ½ in x and y of its mesh. It has lines every 25 cm and every metre, which fade with the
     /// distance from its middle, and a tint up to the horizon. It hides nothing.
     Floor,
     /// A hole in the picture of the rectangle from −½ to ½ in x and y of its mesh. A layer behind the picture shows there.

@@ -16,8 +16,8 @@ const KEPT: usize = 16;
 /// Measures how long the device takes for the submitted work of each picture.
 ///
 /// A time begins with the submission, or with the end of the work before it if that comes later. It ends when the device
-/// reports the end. It includes all other work of the device meanwhile. A thread looks at the device while work is under
-/// way, since a device reports only when it is asked; so a time is up to a quarter of a millisecond too long.
+/// reports the end. It includes all other work of the device meanwhile. A device reports only when it is asked, so a
+/// thread polls it while work is under way. So a time is up to a quarter of a millisecond too long.
 pub struct WorkTimer {
     gpu: Gpu,
     shared: Arc<Shared>,

@@ -1,7 +1,7 @@
 //! Two resolutions in one picture: all pixels about the optical axis, blocks of 2 × 2 pixels outside.
 //!
-//! Fixed foveation, as of Vlachos, "Advanced VR Rendering", GDC 2015: what lies far from the axis of a lens is seen with a lower
-//! resolution than a flat picture has there. A tile is coarse if all of it lies beyond the eccentricity. In a coarse tile each block of
+//! Fixed foveation, as of Vlachos, "Advanced VR Rendering", GDC 2015. Far from its axis, a lens shows a lower resolution than a flat
+//! picture has there. A tile is coarse if all of it lies beyond the eccentricity. In a coarse tile each block of
 //! 2 × 2 pixels is evaluated once, at the block's middle, and all four pixels get its color. Lists, order, cut-offs and stop are those
 //! of the whole picture. So the pixels of all other tiles stay the same to the last bit.
 

@@ -1,7 +1,7 @@
 //! Gradients of a picture by the attributes of its Gaussians, for training (Kerbl et al. 2023, section 4; iVR-GS for the shading).
 //!
 //! [`record`] draws a picture in the affine projection. [`Recording::gradients`] takes the derivatives of a number, the loss, by
-//! the picture's RGB and A, and returns those by position, rotation, scale, opacity and all shading attributes. For a pixel
+//! the picture's RGB and A. It returns those by position, rotation, scale, opacity and all shading attributes. For a pixel
 //! with layers of colours cᵢ and opacities αᵢ from near to far, Tᵢ = Π_{j<i}(1 − αⱼ) and the colour Bᵢ of all that lies behind:
 //!
 //! - ∂C/∂cᵢ = Tᵢ·αᵢ

@@ -1,13 +1,13 @@
 //! Ambient occlusion from the Gaussians themselves: the share of the ambient light that reaches each of them.
 //!
 //! The scene's opacity goes into a coarse grid, once for an edit of what is visible. A Gaussian of peak opacity o and standard
-//! deviations s₁, s₂, s₃ stops light like an area of C = −2π·ln(1 − o)·(s₁s₂ + s₂s₃ + s₃s₁)/3: the integral of its optical depth
-//! over a plane, averaged over its three axes. Six points spread C over its extent. A cell of volume h³ has the extinction
+//! deviations s₁, s₂, s₃ stops light like an area of C = −2π·ln(1 − o)·(s₁s₂ + s₂s₃ + s₃s₁)/3. That is the integral of its optical
+//! depth over a plane, averaged over its three axes. Six points spread C over its extent. A cell of volume h³ has the extinction
 //! σ = ΣC/h³ (Max 1995, "Optical models for direct volume rendering").
 //!
 //! Directions over the hemisphere about the normal n then sample the grid in steps that grow with the distance, as voxel cones do
 //! (Crassin et al. 2011). The factor is Σ cos θ·exp(−∫σ) / Σ cos θ. Rays begin a cell and a half and two standard deviations above the
-//! centre, and the most grazing ones are left out: a flat surface, spread by the grid, must not occlude itself. Of a two-sided
+//! centre, and the most grazing ones are left out. So a flat surface, spread by the grid, does not occlude itself. Of a two-sided
 //! surface the more open side counts. A Gaussian without a normal keeps all light, and one of little diffuse reflection most: the
 //! factor is 1 − min(kd / ka, 1)·(1 − share).
 

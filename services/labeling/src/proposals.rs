@@ -7,7 +7,7 @@ use crate::query::{LEAD, Outcome, Ranked};
 /// The regions to propose, at most `most`, the best first. `outcome` is that of the text among all regions as items, `sizes` are
 /// their numbers of Gaussians, and `overlap` says whether two share some.
 ///
-/// Of regions that share Gaussians the largest is taken whose score is within [`LEAD`] of the best one: a part of a red thing is no
+/// Of regions that share Gaussians, the largest with a score within [`LEAD`] of the best one is taken. A part of a red thing is no
 /// better answer to "the red thing" than the whole of it.
 #[must_use]
 pub fn proposals(

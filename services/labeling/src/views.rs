@@ -107,9 +107,9 @@ impl Sphere {
     /// The number of cameras around a region.
     ///
     /// An eye at distance d from a ball of radius r sees a cap of arccos(r/d) degrees around the nearest point. The number is the
-    /// least for which every point of the ball lies within half of such a cap of some camera, so that a part of the surface is
-    /// seen at less than a grazing angle. Wide fields of view bring the eye near, so they need more cameras. A tiny region looks
-    /// alike from everywhere and gets [`MIN_VIEWS`].
+    /// least for which every point of the ball lies within half of such a cap of some camera. So some camera
+    /// sees each part of the surface at less than a grazing angle. Wide fields of view bring the eye near, so they need more
+    /// cameras. A tiny region looks alike from everywhere and gets [`MIN_VIEWS`].
     #[must_use]
     pub fn count(&self, region: &Region) -> usize {
         if let Some(count) = self.count {

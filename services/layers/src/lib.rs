@@ -1,7 +1,7 @@
 //! Layers that our neural networks share, and the files that they come from.
 //!
-//! [`Weights`] reads tensors by name and shape, from safetensors files or through another [`TensorReader`], and never takes memory
-//! that the configuration doesn't ask for. [`Matrix`] keeps a layer's weights in f32, f16 or int8. Nothing is downloaded.
+//! [`Weights`] reads tensors by name and shape, from safetensors files or through another [`TensorReader`]. It never takes memory that
+//! the configuration doesn't ask for. [`Matrix`] keeps a layer's weights in f32, f16 or int8. Nothing is downloaded.
 
 mod activation;
 mod attention;

@@ -90,8 +90,8 @@ impl Stretch {
     }
 }
 
-/// Replaces each distance by the least over all blocks of that block's distance and the way to it (a chamfer transform in two
-/// passes over the 26 neighbours, which is exact for the greatest of three axes).
+/// Replaces each distance by the least over all blocks of that block's distance and the way to it. It is a chamfer transform in two
+/// passes over the 26 neighbours, which is exact for the greatest of three axes.
 fn spread_distances(distance: &mut [u8], counts: [usize; 3]) {
     let [nx, ny, nz] = counts;
     let mut relax = |x: usize, y: usize, z: usize, is_forward: bool| {

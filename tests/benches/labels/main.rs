@@ -17,16 +17,15 @@ mod random_clip;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use sg_edit::wire::encode_mask;
 use sg_proto::keys::{self, role};
 use sg_proto::labeling::{Embedding, EmbeddingStatus, FindRequest, Outcome};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{Command, CommitSelection, DeleteUnit, SaveUnit};
+use sg_proto::scene::{DeleteUnit, SaveUnit};
 use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::context::Context;
 use sg_runtime::process::block_on;
-use sg_scene::mask::Mask;
 use sg_tests::bench::{argument, quantile};
+use sg_tests::commands::{apply, select_range};
 use sg_tests::made_scene;
 use sg_tests::stack::Stack;
 
@@ -109,19 +108,14 @@ async fn at_rest(cli: &Bus) {
 }
 
 async fn change(cli: &Bus, action: Action) -> u64 {
-    let context = soon();
-    let command = Command { id: context.id.clone(), action: Some(action), ..Command::default() };
-    cli.ask(&keys::SCENE_APPLY, &command, &context).await.unwrap().revision
+    apply(cli, action, &soon()).await.unwrap().revision
 }
 
 /// Labels other Gaussians in each round: the embedding of the same ones would be stored.
 async fn label(cli: &Bus, events: &mut Subscription<Embedding>, size: usize, round: usize) -> Round {
     let count = cli.newest(&keys::SCENE_STATE, &soon()).await.unwrap().count as usize;
-    let mut mask = Mask::empty(count);
     let first = (round * (size + 1)) % (count - size);
-    mask.select_range(first..first + size);
-    let commit = CommitSelection { mask: Some(encode_mask(&mask)), ..CommitSelection::default() };
-    change(cli, Action::CommitSelection(commit)).await;
+    change(cli, select_range(count, first..first + size)).await;
     let begun = Instant::now();
     let save = SaveUnit { name: "aneurysm".to_owned(), ..SaveUnit::default() };
     let revision = change(cli, Action::SaveUnit(save)).await;

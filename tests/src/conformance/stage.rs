@@ -12,6 +12,7 @@ use sg_runtime::context::Context;
 use super::process::Process;
 use super::question::{ANSWER, Question, soon};
 use super::{Candidate, Subject};
+use crate::commands::apply;
 use crate::small_scene;
 
 const SESSION: &str = "conformance";
@@ -265,10 +266,8 @@ impl<'a> Stage<'a> {
         &mut self,
         action: sg_proto::scene::command::Action,
     ) -> Result<sg_proto::scene::CommandResult, String> {
-        let id = self.new_id();
-        let command = sg_proto::scene::Command { id: id.clone(), expected_revision: 0, action: Some(action) };
-        let context = soon().with_id(id);
-        self.cli.ask(&keys::SCENE_APPLY, &command, &context).await.map_err(|f| format!("cmd/apply: {f}"))
+        let context = soon().with_id(self.new_id());
+        apply(&self.cli, action, &context).await.map_err(|f| format!("cmd/apply: {f}"))
     }
 }
 

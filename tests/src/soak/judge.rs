@@ -22,7 +22,7 @@ struct OfProcess {
 
 /// A record of 25 bytes for each command, or 150 MB a month at 200,000 commands a day.
 const MEMORY_SLOPE: f64 = 25.0;
-/// What the supervisor and the others keep of each restart, KiB. zenoh numbers the key of every instance for each listener to
+/// Memory that the supervisor and the others keep of each restart, KiB. zenoh numbers the key of every instance for each listener to
 /// liveliness, and takes no number back until the listener's connection ends.
 const MEMORY_OF_RESTART: (f64, f64) = (6.0, 2.0);
 /// Fewer than four a day.

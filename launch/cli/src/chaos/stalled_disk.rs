@@ -1,8 +1,8 @@
 //! A stalled disk under the project, from outside of its process and without a privilege.
 //!
 //! Each commit to a project takes SQLite's write lock first: a lock on one byte of the log's index, the file that ends in
-//! `-shm` (<https://sqlite.org/walformat.html>, "WAL Locks"). Whoever holds it stalls the journal as a disk would that takes no
-//! write: the commit waits, and is refused after three seconds. What this does not show is a stall in the middle of a commit.
+//! `-shm` (<https://sqlite.org/walformat.html>, "WAL Locks"). A process that holds it stalls the journal like a disk that takes
+//! no write: the commit waits, and is refused after three seconds. A stall in the middle of a commit is not covered.
 
 use std::fs::File;
 use std::io;

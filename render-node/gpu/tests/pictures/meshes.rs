@@ -1,4 +1,4 @@
-//! Meshes of the room over a picture: what is in front, what is behind, and holes.
+//! Meshes of the room in front of a picture and behind it, and holes in it.
 
 use glam::{DMat4, DVec3, Vec3};
 use sg_gpu::{DEPTH_FAR, DEPTH_NEAR, DepthLayer, Gpu, MeshCorner, MeshEye, MeshLayer, MeshLook, PlacedMesh, Present};

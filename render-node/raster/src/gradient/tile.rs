@@ -7,8 +7,8 @@ use crate::lanes::LANES;
 use crate::splat_f32::{Drawn, HALVES, Splat};
 use crate::tiles::TILE;
 
-/// Numbers for each Gaussian, with g = ∂L/∂ln α at a pixel, and u and v its distances in standard deviations
-/// ([`Ellipse`](crate::project::Ellipse)): Σg, Σg·u, Σg·v, Σg·u², Σg·u·v, Σg·v², and Σ ∂L/∂c for red, green and blue.
+/// Numbers for each Gaussian: Σg, Σg·u, Σg·v, Σg·u², Σg·u·v, Σg·v², and Σ ∂L/∂c for red, green and blue. Here g is ∂L/∂ln α at a
+/// pixel, and u and v are its distances in standard deviations ([`Ellipse`](crate::project::Ellipse)).
 pub(super) const SUMS: usize = 9;
 
 /// Vectors of a tile, row by row.

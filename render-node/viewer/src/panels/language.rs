@@ -67,8 +67,8 @@ impl Panels {
         output
     }
 
-    /// The turns. A new sentence, and each line of its answer, bring the sentence to the top, or as far up as there is room
-    /// for: a long answer does not push it out of sight.
+    /// The turns. A new sentence, and each line of its answer, bring the sentence to the top, or as far up as there is room.
+    /// So a long answer does not push it out of sight.
     fn conversation(&mut self, ui: &mut Ui, state: &ViewState) {
         if state.conversation.turns.is_empty() {
             self.offers(ui, state);

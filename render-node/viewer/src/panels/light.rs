@@ -141,21 +141,9 @@ impl Panels {
                     }
                 }
             });
-        }
-        if state.services.scene && self.host == PanelHost::Window {
-            ui.horizontal_wrapped(|ui| {
-                ui.label("up").on_hover_text("the direction of the scene that is up; kept with the scene");
-                let choices = std::iter::once(None).chain(Axis::ALL.map(Some));
-                for up in choices {
-                    let name = up.map_or("as in the file", Axis::name);
-                    let button = egui::Button::new(name).selected(state.scene.up() == up);
-                    if ui.add(button).clicked() {
-                        output.change(turn_up(up));
-                    }
-                }
-            });
-        }
-        if state.services.scene {
+            if self.host == PanelHost::Window {
+                directions_up(ui, state, output);
+            }
             self.kept_views(ui, state, output);
         }
         ui.horizontal_wrapped(|ui| {
@@ -174,6 +162,21 @@ impl Panels {
             }
         });
     }
+}
+
+/// The choice of the direction that is up.
+fn directions_up(ui: &mut Ui, state: &ViewState, output: &mut Output) {
+    ui.horizontal_wrapped(|ui| {
+        ui.label("up").on_hover_text("the direction of the scene that is up; kept with the scene");
+        let choices = std::iter::once(None).chain(Axis::ALL.map(Some));
+        for up in choices {
+            let name = up.map_or("as in the file", Axis::name);
+            let button = egui::Button::new(name).selected(state.scene.up() == up);
+            if ui.add(button).clicked() {
+                output.change(turn_up(up));
+            }
+        }
+    });
 }
 
 /// The viewer's axes of a view; those of the front for a view along its up direction.

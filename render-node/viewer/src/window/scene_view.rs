@@ -391,8 +391,8 @@ impl SceneView {
         tools.occlusion.then(|| self.occlusion_worker.factors(&self.scene, appearance)).flatten()
     }
 
-    /// Takes what has been drawn and found meanwhile. It comes first in a frame: nothing else may cause another frame, and all of this
-    /// one tells of the newest picture.
+    /// Takes the newest picture and its findings. It comes first in a frame, so that all of the frame refers to that picture. Nothing
+    /// else may cause another frame.
     pub(super) fn take_in(&mut self, ui: &Ui) {
         if let Some(DrawnPicture { picture, size, level, moving, seconds, engine, drawn_by }) =
             self.picture_worker.take()

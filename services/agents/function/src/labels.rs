@@ -65,8 +65,7 @@ impl Labels {
             regions: true,
             ..FindRequest::default()
         };
-        let inner = context.next().within(context.remaining() / 2);
-        let reply = match self.bus.ask(&keys::LABELING_FIND, &request, &inner).await {
+        let reply = match self.bus.ask(&keys::LABELING_FIND, &request, &half_of(context)).await {
             Ok(reply) => reply,
             Err(fault) if matches!(fault.code, Code::Unavailable | Code::DeadlineExceeded) => return Err(fault),
             Err(fault) => {
@@ -85,10 +84,11 @@ impl Labels {
         })
     }
 
-    /// The view that shows most of a target among the rest of the scene; `None` in a session without the service.
+    /// The view that shows most of a target among the rest of the scene; `None` in a session without the service. It takes at most
+    /// half of the remaining time.
     ///
     /// # Errors
-    /// The fault of the service: it is away, or nothing of the target is visible.
+    /// The fault of the service: it is away or late, or nothing of the target is visible.
     pub(crate) async fn best_view(
         &self,
         target: &Target,
@@ -100,7 +100,7 @@ impl Labels {
         }
         let request =
             ViewsRequest { target: Some(target.clone()), at_least_revision: revision, ..ViewsRequest::default() };
-        let reply = self.bus.ask(&keys::LABELING_VIEWS, &request, &context.next()).await?;
+        let reply = self.bus.ask(&keys::LABELING_VIEWS, &request, &half_of(context)).await?;
         // Those are the views that tell most about the target alone. What hides it is in the way of one that tells more.
         let value = |view: &RegionView| view.entropy * view.unhidden;
         Ok(reply.views.into_iter().rev().max_by(|a, b| value(a).total_cmp(&value(b))))
@@ -113,8 +113,7 @@ impl Labels {
             return Vec::new();
         }
         let request = DescribeRequest { unit: unit.to_owned(), at_least_revision: revision };
-        let inner = context.next().within(context.remaining() / 2);
-        match self.bus.ask(&keys::LABELING_DESCRIBE, &request, &inner).await {
+        match self.bus.ask(&keys::LABELING_DESCRIBE, &request, &half_of(context)).await {
             Ok(reply) => reply.words,
             Err(fault) => {
                 tracing::debug!(%fault, "no look");
@@ -122,6 +121,11 @@ impl Labels {
             }
         }
     }
+}
+
+/// The context of a question that takes at most half of the remaining time. The rest is for the command and the reply.
+fn half_of(context: &Context) -> Context {
+    context.next().within(context.remaining() / 2)
 }
 
 fn resolved(spoken: &str, found: &Candidate) -> ResolvedName {

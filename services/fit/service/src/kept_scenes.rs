@@ -1,7 +1,7 @@
 //! A folder of scenes that were made from volumes: each under a key of its volume, its options and the fit's revision.
 //!
-//! `KEY/NAME/scene.toml` is a scene. The key stands for the values, the grid, the transfer function and the options, so the
-//! same volume is not fitted again, whatever its file is called. A scene comes to its place whole, by a rename.
+//! `KEY/NAME/scene.toml` is a scene. The key stands for the values, the grid, the transfer function and the options. So
+//! the same volume under another file name is not fitted again. A scene comes to its place whole, by a rename.
 
 use std::fs::DirBuilder;
 use std::io::{self, ErrorKind};

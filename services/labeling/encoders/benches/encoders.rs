@@ -1,5 +1,7 @@
-//! Milliseconds for an image or a text against the error of its direction, for each precision of weights: the shortest of
-//! many rounds, as other programs only ever add to it, and the processors' time of all cores for an item of the largest batch.
+//! Milliseconds for an image or a text against the error of its direction, for each precision of weights.
+//!
+//! The time is the shortest of many rounds, since other programs only ever add to it. Beside it stands the processors' time of all
+//! cores for an item of the largest batch.
 //! `beside.py` measures PyTorch and ONNX Runtime in the same way, and alone measures ONNX Runtime with ViT-B/32.
 //!
 //! `cargo bench -p sg-encoders [-- image text sentence]`. ViT-B/32 has random weights. The sentence encoder is all-MiniLM-L6-v2

@@ -1,9 +1,9 @@
 //! A linear adapter of picture embeddings, fitted on the pairs of pictures and names that a session has.
 //!
 //! Pictures of scientific scenes are unlike those that a model was trained on, and their embeddings lie in one corner of its
-//! space. A linear map W takes them towards the embeddings of their names: ridge regression with the identity as prior mean,
-//! W = argmin Σ|W xᵢ − yᵢ|² + λ|W − 1|² (Hoerl and Kennard 1970; the residual form of CLIP-Adapter, Gao et al. 2021, in closed
-//! form). With pairs of a few units the dual form is small: W x = x + (Y − X)ᵀ (X Xᵀ + λ1)⁻¹ X x.
+//! space. A linear map W takes them towards the embeddings of their names. It is a ridge regression with the identity as prior mean:
+//! W = argmin Σ|W xᵢ − yᵢ|² + λ|W − 1|² (Hoerl and Kennard 1970). This is the residual form of CLIP-Adapter (Gao et al. 2021) in
+//! closed form. With pairs of a few units the dual form is small: W x = x + (Y − X)ᵀ (X Xᵀ + λ1)⁻¹ X x.
 
 use crate::embedding::{Embedding, EmbeddingError};
 

@@ -39,8 +39,9 @@ impl Logit {
         Ok(Self { scale: scale.exp(), bias })
     }
 
-    /// Factor and bias of a folder whose towers are graphs, which have neither: of the weights if they are there, else of the
-    /// keys `logit_scale` (a logarithm, as the tensor) and `logit_bias` of the configuration, else CLIP's usual factor of 100.
+    /// Factor and bias of a folder whose towers are graphs, which have neither. They come from the weights if those are there, else
+    /// from the keys `logit_scale` (a logarithm, as the tensor) and `logit_bias` of the configuration. Else the factor is CLIP's
+    /// usual 100.
     /// `logit_scale_init_value` is where a training began, so it says nothing.
     pub(crate) fn beside_graphs(folder: &Path, layout: Layout) -> Result<Self, EncoderError> {
         let weights = folder.join(layout.weights_file());

@@ -109,8 +109,8 @@ fn load_problem(error: &LoadDynamicError) -> String {
     }
 }
 
-/// The version by the name of the library's symbols in the first bytes of its file, such as `VERS_1.32.0`, or by the name of
-/// the file, or what the library says of itself.
+/// The version by the name of the library's symbols in the first bytes of its file, such as `VERS_1.32.0`. Without one, the name of
+/// the file has it, or the text in which the library describes itself.
 fn version(start: &[u8], path: &Path, info: &str) -> String {
     let mark = b"VERS_";
     let of_symbols = start.windows(mark.len()).position(|part| part == mark).map(|at| {

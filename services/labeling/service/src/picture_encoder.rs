@@ -240,8 +240,8 @@ impl PictureEncoder {
         self.model.encode_texts(&captions.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
-    /// The share of the text "a picture of this" for a picture whose cosine with it is `cosine`, among other texts whose cosines
-    /// with the same picture are `others`: the model's own probability for models with a sigmoid, else its softmax.
+    /// The share of one text among several for a picture. `cosine` is the picture's cosine with that text, and `others` are its
+    /// cosines with the other texts. Models with a sigmoid give their own probability, the others their softmax.
     pub(crate) fn share(&self, cosine: f32, others: &[f32]) -> f64 {
         let own = f64::from(self.model.logit(cosine));
         if self.model.layout() == sg_encoders::Layout::SigLip {

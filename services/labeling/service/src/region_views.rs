@@ -288,7 +288,7 @@ fn thinned(scene: &Scene, most: usize) -> Option<Scene> {
         let rows: Vec<usize> = (0..unit.gaussians.len()).filter(|row| is_taken(unit.first + row)).collect();
         let mut gaussians = unit.gaussians.rows(&rows);
         gaussians.log_scale.iter_mut().for_each(|scale| *scale += Vec3::splat(longer));
-        BaseUnit { gaussians, ..unit.clone() }
+        BaseUnit { gaussians, ..unit.without_gaussians() }
     });
     Some(Scene::compose(units.collect(), Some(scene.bounds)))
 }

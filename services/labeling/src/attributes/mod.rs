@@ -13,6 +13,8 @@ use sg_scene::symmetric3::{StopRule, eigen_symmetric_3x3};
 
 /// Least deviation along an axis for a volume, as a share of the greatest: a sheet has a size too.
 const LEAST_SHARE: f64 = 0.02;
+/// Least area of a Gaussian, in squared scene lengths: in a unit of points alone, each counts by its opacity.
+const LEAST_AREA: f64 = 1e-200;
 
 /// One Gaussian of a unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,7 +74,7 @@ impl Attributes {
         let origin = first.position;
         let (mut count, mut total, mut sum, mut own) = (0_usize, 0.0, DVec3::ZERO, 0.0);
         let mut squares = DMat3::ZERO;
-        let (mut covered, mut color, mut point_color) = (0.0, [0.0_f64; 3], [0.0_f64; 3]);
+        let (mut covered, mut color) = (0.0, [0.0_f64; 3]);
         for g in std::iter::once(first).chain(counted) {
             let weight = f64::from(g.opacity);
             let p = g.position - origin;
@@ -81,12 +83,10 @@ impl Attributes {
             sum += weight * p;
             own += weight * g.deviation * g.deviation;
             squares += DMat3::from_cols(p * p.x, p * p.y, p * p.z) * weight;
-            // No Gaussian has an area where all are points. Then each counts by its opacity.
-            let (of_area, of_point) = (weight * g.area, weight);
-            covered += of_area;
-            for ((sum, point), channel) in color.iter_mut().zip(&mut point_color).zip(g.color.map(f64::from)) {
-                *sum += of_area * channel;
-                *point += of_point * channel;
+            let shown = weight * g.area.max(LEAST_AREA);
+            covered += shown;
+            for (sum, channel) in color.iter_mut().zip(g.color) {
+                *sum += shown * f64::from(channel);
             }
         }
         let mean = sum / total;
@@ -100,8 +100,7 @@ impl Attributes {
         };
         let mut deviations = values.map(|v| (v.max(0.0) * scale).sqrt());
         deviations.sort_by(|a, b| b.total_cmp(a));
-        let (color, weight) = if covered > 0.0 { (color, covered) } else { (point_color, total) };
-        let color = color.map(|sum| (sum / weight) as f32);
+        let color = color.map(|sum| (sum / covered) as f32);
         Ok(Self { count, center: origin + mean, covariance, deviations, color, opacity: total / count as f64 })
     }
 

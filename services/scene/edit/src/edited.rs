@@ -117,7 +117,7 @@ impl EditState {
                     palette,
                     opacity: f32::from_bits(part.opacity),
                     convention: Convention::Ours,
-                    ..without_gaussians(base)
+                    ..base.without_gaussians()
                 });
             }
         }
@@ -150,18 +150,6 @@ impl EditState {
             parts.entry(look).or_default().push(global - base.first);
         }
         parts
-    }
-}
-
-/// A base unit with all but its Gaussians.
-fn without_gaussians(base: &BaseUnit) -> BaseUnit {
-    BaseUnit {
-        name: String::new(),
-        file: None,
-        gaussians: Gaussians::default(),
-        first: 0,
-        transfer_function: base.transfer_function.clone(),
-        ..*base
     }
 }
 

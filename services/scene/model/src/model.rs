@@ -312,6 +312,18 @@ impl BaseUnit {
         }
     }
 
+    /// All of the unit but its Gaussians, for a unit of other ones. Nothing of a Gaussian's size is copied.
+    #[must_use]
+    pub fn without_gaussians(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            file: self.file.clone(),
+            gaussians: Gaussians::default(),
+            transfer_function: self.transfer_function.clone(),
+            ..*self
+        }
+    }
+
     /// Scene-wide indices of this unit's Gaussians.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
@@ -501,5 +513,14 @@ mod tests {
         assert_eq!(scene.len(), 5);
         assert_eq!(scene.locate(2).map(|(u, i)| (u.name.as_str(), i)), Some(("c", 0)));
         assert!(scene.locate(5).is_none());
+    }
+
+    #[test]
+    fn a_unit_without_its_gaussians_keeps_the_rest() {
+        let mut unit = BaseUnit::new("a", one([1.0, 0.0, 0.0, 0.0]));
+        (unit.opacity, unit.file, unit.transfer_function) = (0.5, Some("a.ply".into()), Some("a.tf.json".into()));
+        let rest = unit.without_gaussians();
+        assert!(rest.gaussians.is_empty());
+        assert_eq!(BaseUnit { gaussians: unit.gaussians.clone(), ..rest }, unit);
     }
 }

@@ -11,8 +11,8 @@ pub const KEPT: [f64; 2] = [0.5, 1.5];
 /// Least brightness of a palette colour that offsets are compared with.
 const DARKEST: f64 = 1.0 / 256.0;
 
-/// The colour `given` to a Gaussian of colour `own` in a base unit of colour `palette`: as much brighter or darker as its own
-/// colour is than the palette's, by a factor of ½ to 3/2. So a recoloured structure keeps its light and dark places.
+/// The colour `given` to a Gaussian of colour `own` in a base unit of colour `palette`. It is brighter or darker by the ratio of the
+/// own colour to the palette's, from ½ to 3/2. So a recoloured structure keeps its light and dark places.
 #[must_use]
 pub fn recolored(given: DVec3, own: DVec3, palette: DVec3) -> DVec3 {
     let mean = palette.dot(BRIGHTNESS);

@@ -1,7 +1,7 @@
 //! Extent and volume of a set of Gaussians, in the scene's length unit.
 //!
-//! A point is inside where the Gaussians together hide at least half of the light of a ray that crosses them all at their
-//! densities there: 1 − Π(1 − αᵢ·exp(−dᵢ²/2)) ≥ ½, with the opacity αᵢ of the file and the Mahalanobis distance dᵢ. A fit puts its
+//! Take a ray that crosses all Gaussians at their densities at a point. The point is inside where they hide at least half of its
+//! light: 1 − Π(1 − αᵢ·exp(−dᵢ²/2)) ≥ ½, with the opacity αᵢ of the file and the Mahalanobis distance dᵢ. A fit puts its
 //! Gaussians on surfaces, so the volume that they enclose counts too.
 
 use std::cmp::Reverse;
@@ -199,7 +199,7 @@ impl Cells {
     }
 
     /// Number of cells that lie outside. A way leads to them from the edge of the grid, over faces of cells that hide less than
-    /// [`BARRIER`]: what is thinner closes no surface. From there on the way goes up the outer side of what closes, through cells
+    /// [`BARRIER`]: a thinner layer closes no surface. From there on the way goes up the outer side of what closes, through cells
     /// outside the Gaussians ([`RISING`]). No way leads through the sides of the scene's box, `within`: a volume cuts what it holds
     /// open there.
     fn outside(&self, depths: &[f32], within: &[Range<usize>; 3]) -> usize {

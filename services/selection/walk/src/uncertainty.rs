@@ -9,8 +9,10 @@
 //! m_i Gaussians. Then the expected effects of a seed at s are:
 //!
 //! - *shift* = 2·p_s·q_s·Σ m_i·h_i(s), the change of the summed p;
-//! - *change* = Σ m_i·(p_s·\[i becomes selected after a foreground seed\] + q_s·\[i becomes unselected after a background
-//!   seed\]), the number of Gaussians that change sides.
+//! - *change* = Σ m_i·(p_s·f_i + q_s·b_i), the number of Gaussians that change sides.
+//!
+//! Here f_i is 1 if node i becomes selected after a foreground seed, else 0. b_i is 1 if it becomes unselected after a
+//! background seed, else 0.
 //!
 //! Where no terminal is reachable, both seeds count as equally likely, and one of them selects the whole component.
 //!

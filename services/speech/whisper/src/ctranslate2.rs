@@ -1,8 +1,10 @@
 //! Files of weights of CTranslate2 (`model.bin`) with a `WhisperSpec`.
 //!
-//! All numbers are little-endian. A string has a u16 length, and its last byte is zero. The file: u32 version, name of the kind of
-//! model, u32 revision, u32 number of variables; for each variable its name, u8 rank, u32 for each dimension, u8 type, u32 bytes, and
-//! the values; then u32 number of aliases, for each its name and the variable's name.
+//! All numbers are little-endian. A string has a u16 length, and its last byte is zero. The file is, in order:
+//!
+//! - u32 version, name of the kind of model, u32 revision, u32 number of variables;
+//! - for each variable its name, u8 rank, u32 for each dimension, u8 type, u32 bytes, and the values;
+//! - u32 number of aliases, and for each its name and the variable's name.
 
 use std::collections::HashMap;
 use std::os::unix::fs::FileExt;

@@ -67,7 +67,7 @@ pub struct Recognition {
 }
 
 impl Whisper {
-    /// What was said: the likeliest sentence of a list if it is nearly as likely as free text, else free text.
+    /// Recognizes the likeliest sentence of a list if it is nearly as likely as free text, else free text.
     ///
     /// # Errors
     /// As [`Whisper::transcribe`] and [`Whisper::score`].

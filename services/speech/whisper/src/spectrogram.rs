@@ -1,7 +1,7 @@
 //! The log-mel spectrogram that Whisper hears (Radford et al. 2022, section 2.2).
 //!
-//! Frames of 25 ms every 10 ms, weighted by a Hann window, their power in triangular bands of equal steps on Slaney's mel scale, its
-//! logarithm cut 8 decades below the loudest value, scaled to about −1 to 1.
+//! Frames of 25 ms every 10 ms are weighted by a Hann window. Their power is summed in triangular bands of equal steps on Slaney's mel
+//! scale. Its logarithm is cut 8 decades below the loudest value, and scaled to about −1 to 1.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

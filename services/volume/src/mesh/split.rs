@@ -1,7 +1,7 @@
 //! Splitting of VTK's cells into tetrahedra.
 //!
-//! Each cell becomes a fan around its point of least index, and each of its faces a fan around the face's point of least index
-//! (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra"). Two cells with a common face
+//! Each cell becomes a fan around its point of least index, and each of its faces a fan around the face's point of least index. The
+//! method is that of Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra". Two cells with a common face
 //! therefore split it in the same way, so that the tetrahedra fit without gaps.
 
 /// What a cell is.

@@ -4,8 +4,8 @@
 //!     splatting-peers naive [--float] SCENE TURN OUT STEP VIEWS
 //!
 //! SCENE is a PLY as 3DGS writes it, TURN a JSON list of steps, each a list of cameras, one for each eye. The turn is drawn once
-//! unmeasured and once measured; `{"name", "device", "ms"}` goes to standard output, and the pictures of the first VIEWS of the
-//! steps 0, STEP, 2 STEP … go to `OUT/0.npy`, `OUT/1.npy` …: float32 (height, width, 4), RGB over black, 0 to 1, and opacity.
+//! unmeasured and once measured. `{"name", "device", "ms"}` goes to standard output. The pictures of the first VIEWS of the steps 0,
+//! STEP, 2 STEP … go to `OUT/0.npy`, `OUT/1.npy` …: float32 (height, width, 4), RGB over black, 0 to 1, and opacity.
 
 mod device;
 mod harmonics;

@@ -7,19 +7,17 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use sg_edit::EditState;
-use sg_edit::wire::encode_mask;
 use sg_formats::{SaveOptions, save};
 use sg_proto::keys::{self, role};
 use sg_proto::language::{Reply, Source, Utterance as Spoken};
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{
-    ChangesRequest, Color, Command, CommitSelection, KeepView, Orbit, Redo, SaveUnit, Select, SetColor, SetOpacity,
-    SetView, Target, Undo, set_view,
+    ChangesRequest, Color, KeepView, Orbit, Redo, SaveUnit, Select, SetColor, SetOpacity, SetView, Target, Undo,
+    set_view,
 };
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::process::block_on;
-use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 use sg_scene::synthetic::test_scene;
 
@@ -27,6 +25,7 @@ use super::Played;
 use super::condition::Condition;
 use super::outcome::Outcome;
 use super::utterances::Utterance;
+use crate::commands::{apply, select_range};
 use crate::eval::EvalError;
 use crate::stack::Stack;
 
@@ -113,7 +112,7 @@ impl Session {
     async fn play(&self, utterance: &Utterance) -> Result<Played, EvalError> {
         let bus = self.join().await?;
         if utterance.selected {
-            commit(&bus, 0..UNITS[0].1 / 3, &self.opened).await?;
+            change(&bus, select_range(self.opened.count(), 0..UNITS[0].1 / 3)).await?;
         }
         let before = self.outcome(&bus).await?;
         let conversation = Context::root().id;
@@ -231,7 +230,7 @@ async fn set_up(stack: &Stack, opened: &EditState, samples: &BTreeMap<String, us
         ("clip", others + SAC..others + SAC + CLIP, Color { red: 0.55, green: 0.56, blue: 0.58 }),
     ];
     for (name, range, color) in parts {
-        commit(&bus, range, opened).await?;
+        change(&bus, select_range(opened.count(), range)).await?;
         change(&bus, Action::SaveUnit(SaveUnit { name: name.to_owned(), replace: false })).await?;
         change(&bus, Action::SetColor(SetColor { target: unit(name), color: Some(color) })).await?;
     }
@@ -250,17 +249,8 @@ async fn set_up(stack: &Stack, opened: &EditState, samples: &BTreeMap<String, us
     outcome(&bus, opened, samples).await
 }
 
-async fn commit(bus: &Bus, range: std::ops::Range<usize>, opened: &EditState) -> Result<(), EvalError> {
-    let mut mask = Mask::empty(opened.count());
-    mask.select_range(range);
-    let commit = CommitSelection { mask: Some(encode_mask(&mask)), ..CommitSelection::default() };
-    change(bus, Action::CommitSelection(commit)).await
-}
-
 async fn change(bus: &Bus, action: Action) -> Result<(), EvalError> {
-    let context = soon();
-    let command = Command { id: context.id.clone(), action: Some(action), ..Command::default() };
-    bus.ask(&keys::SCENE_APPLY, &command, &context).await.map(|_| ()).map_err(|fault| broken(fault.message))
+    apply(bus, action, &soon()).await.map(|_| ()).map_err(|fault| broken(fault.message))
 }
 
 async fn outcome(bus: &Bus, opened: &EditState, samples: &BTreeMap<String, usize>) -> Result<Outcome, EvalError> {

@@ -25,8 +25,8 @@ pub(super) fn is_recent(revision: u64, newest: u64) -> bool {
     revision + RECENT_CHANGES > newest
 }
 
-/// Removes the rows that nobody needs after a checkpoint at `newest`: old results, and changes that neither readers nor
-/// undo and redo (`reached`) can ask for.
+/// Removes rows without further use after a checkpoint at `newest`: old results, and changes that neither readers nor undo and
+/// redo (`reached`) can ask for.
 pub(super) fn remove_old(connection: &Connection, newest: u64, reached: &HashSet<u64>) -> rusqlite::Result<()> {
     let oldest = newest.saturating_sub(RESULTS_KEPT);
     connection.prepare_cached("DELETE FROM results WHERE revision <= ?1")?.execute([signed(oldest)])?;
