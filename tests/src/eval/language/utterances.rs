@@ -8,7 +8,11 @@ use super::condition::Condition;
 use crate::eval::EvalError;
 
 /// The sets that come with the program, by name.
-const OWN: [(&str, &str); 2] = [("first", include_str!("first.toml")), ("second", include_str!("second.toml"))];
+const OWN: [(&str, &str); 3] = [
+    ("first", include_str!("first.toml")),
+    ("second", include_str!("second.toml")),
+    ("third", include_str!("third.toml")),
+];
 
 /// A set of one author.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,6 +106,18 @@ mod tests {
         kinds.sort_unstable();
         kinds.dedup();
         assert!(all.len() >= 400 && kinds.len() >= 20, "{} utterances of {kinds:?}", all.len());
+    }
+
+    #[test]
+    fn the_third_set_is_there_and_says_nothing_twice() {
+        let sets = own().unwrap();
+        let names: Vec<&str> = sets.iter().map(|set| set.name.as_str()).collect();
+        assert_eq!(names, ["first", "second", "third"]);
+        let third = &sets[2].utterances;
+        let mut said: Vec<&Vec<String>> = third.iter().map(|utterance| &utterance.say).collect();
+        said.sort_unstable();
+        said.dedup();
+        assert_eq!((third.len(), said.len()), (240, 240));
     }
 
     #[test]
