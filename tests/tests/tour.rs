@@ -4,12 +4,14 @@
 
 use std::time::Duration;
 
+use sg_language::grammar;
 use sg_proto::keys::{self, role};
-use sg_proto::language::{Reply, Tour, Utterance};
+use sg_proto::language::{Act, Reply, Tour, TourStep, Utterance};
 use sg_runtime::bus::{Bus, Subscription};
 use sg_runtime::process::block_on;
 use sg_tests::stack::Stack;
 use sg_tests::until::{PATIENCE, scene, soon};
+use sg_viewer::display::tour_sentence;
 
 /// Says a sentence; whether it was carried out, and the reply.
 fn say(stack: &Stack, sentence: &str) -> (bool, String) {
@@ -116,4 +118,16 @@ async fn until_tour(cli: &Bus, holds: impl Fn(&Option<Tour>) -> bool) {
         }
     };
     tokio::time::timeout(PATIENCE, waiting).await.unwrap();
+}
+
+#[test]
+fn the_buttons_of_a_tour_say_what_the_grammar_reads() {
+    let observation = grammar::sample_observation(&["bone", "sac"]);
+    for step in [TourStep::Start, TourStep::Pause, TourStep::Resume, TourStep::Next, TourStep::Previous, TourStep::End]
+    {
+        let sentence = tour_sentence(step);
+        let intent = grammar::parse(sentence, &observation).unwrap();
+        let read: Vec<_> = intent.clauses.iter().map(|clause| (clause.act(), clause.tour())).collect();
+        assert_eq!(read, [(Act::Tour, step)], "{sentence}");
+    }
 }

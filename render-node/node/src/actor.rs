@@ -51,6 +51,7 @@ mod pick;
 mod preview;
 mod request_executor;
 mod state_sync;
+mod tour;
 mod watchdog;
 
 use clusters::ClusterLabels;

@@ -21,7 +21,7 @@ use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_scene::mask::Mask;
-use sg_viewer::display::{Request, RequestQueue, StateWriter};
+use sg_viewer::display::{Request, RequestQueue, StateWriter, tour_sentence};
 use tokio::runtime::Handle;
 
 use super::labeling::Questions;
@@ -108,6 +108,7 @@ impl RequestExecutor {
                 report_failure(writer, bus.ask(&keys::SPEECH_CONTROL, &request, &context).await.map(drop));
             }
             Request::Say(text) => *utterance_id = Some(say(bus, writer, text)),
+            Request::Tour(step) => *utterance_id = Some(say(bus, writer, tour_sentence(step).to_owned())),
             Request::Open(path, spacing) => match open(bus, &path, spacing).await {
                 Ok(reply) => writer.notice(opens(&path, &reply), false),
                 Err(fault) => report_failure(writer, Err(fault)),

@@ -1,4 +1,5 @@
-//! Keeps a display's state up to date: the scene, the selection, clusters, the conversation, and the available services.
+//! Keeps a display's state up to date: the scene, the selection, clusters, the conversation, a
+//! tour, and the available services.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use sg_viewer::display::{Conversation, Entry, ServiceAvailability, StateWriter, 
 use tokio::sync::watch;
 
 use super::clusters::ClusterLabels;
-use super::{labeling, preview};
+use super::{labeling, preview, tour};
 
 /// Most waiting messages of a conversation.
 const QUEUE: usize = 64;
@@ -63,6 +64,8 @@ pub(super) async fn follow(host: &Host, replica: &SceneReplica<Replica>, writer:
     let embeddings = bus.subscribe(&keys::LABELING_EMBEDDING, role::LABELING, QUEUE).await?;
     let liveliness = bus.watch_liveliness(QUEUE).await?;
     tokio::spawn(labeling::follow(bus.clone(), embeddings, liveliness, replica.receiver(), writer.clone()));
+    let replies = bus.subscribe(&keys::REPLY, role::AGENT_CORE, QUEUE).await?;
+    tokio::spawn(tour::follow(bus.clone(), replies, bus.watch_liveliness(QUEUE).await?, writer.clone()));
     tokio::spawn(opened(bus.subscribe(&keys::OPEN_FAILED, role::SUPERVISOR, QUEUE).await?, writer.clone()));
     Ok(())
 }

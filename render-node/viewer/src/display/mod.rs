@@ -21,6 +21,7 @@ mod request;
 mod request_queue;
 mod scene_follower;
 mod tools;
+mod tour;
 mod trace_recorder;
 mod view_state;
 
@@ -40,6 +41,7 @@ pub use request_queue::RequestQueue;
 pub use scene_follower::{FollowedScene, SceneFollower};
 pub use sg_edit::{LEAK_RANGE, leak_of, reach_of};
 pub use tools::{BrushMode, DisplayMode, Locomotion, Tools, TurnStyle};
+pub use tour::tour_sentence;
 pub use trace_recorder::{RecordedFrame, TraceRecorder};
 pub use view_state::{NOTICES, Notice, ServiceAvailability, ViewState, WalkCapabilities};
 pub(crate) use view_state::{has_microphone, waits_to_talk};

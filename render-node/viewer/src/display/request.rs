@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use sg_proto::language::TourStep;
 use sg_proto::launch::SaveRequest;
 use sg_proto::scene::{WalkTuning, command};
 use sg_proto::selection::{SampleRequest, StrokesRequest};
@@ -37,6 +38,8 @@ pub enum Request {
     },
     /// Something said to the agents.
     Say(String),
+    /// Begins a tour, or changes the one that is under way. The agents get a sentence ([`super::tour_sentence`]).
+    Tour(TourStep),
     /// Withdraws the last sentence.
     Withdraw,
     /// Changes the microphone, or stops the reply that sounds.

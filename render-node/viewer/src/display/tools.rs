@@ -165,6 +165,8 @@ pub struct Tools {
     pub occlusion: bool,
     /// Whether a window shows the ground grid and the box of what is visible.
     pub grid: bool,
+    /// Whether the eye of a window goes to another view within a moment, rather than at once.
+    pub smooth_views: bool,
     /// Whether panels are light rather than dark.
     pub light_panels: bool,
     /// Size of everything in panels, 1 for the usual.
@@ -222,6 +224,7 @@ impl Default for Tools {
             gradient: true,
             occlusion: false,
             grid: false,
+            smooth_views: true,
             light_panels: false,
             scale: 1.0,
             left_handed: false,

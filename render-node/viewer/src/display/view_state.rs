@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sg_edit::EditState;
+use sg_proto::language::Tour;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{StrokeMode, WalkTuning};
 use sg_proto::selection::{Answers, Proposal, ProposalsReply};
@@ -46,6 +47,8 @@ pub struct ViewState {
     pub conversation: Arc<Conversation>,
     /// State of the speech service; absent while it is away.
     pub speech: Option<Arc<sg_proto::speech::State>>,
+    /// The agents' tour that is under way; absent without one.
+    pub tour: Option<Arc<Tour>>,
     /// What the labeling service has told.
     pub labeling: Arc<Labeling>,
     /// Which services answer.
@@ -72,6 +75,7 @@ impl ViewState {
             clusters: None,
             conversation: Arc::default(),
             speech: None,
+            tour: None,
             labeling: Arc::default(),
             services: ServiceAvailability::default(),
             notices: Arc::default(),

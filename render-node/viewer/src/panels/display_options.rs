@@ -83,6 +83,10 @@ impl Panels {
                 }
             }
         });
+        if self.host == PanelHost::Window {
+            let does = "the eye goes to another view within a moment; otherwise it jumps there";
+            ui.add(Checkbox::new(&mut tools.smooth_views, "smooth view changes")).on_hover_text(does);
+        }
         if self.host == PanelHost::Headset {
             ui.horizontal_wrapped(|ui| {
                 ui.label("a stick turns");

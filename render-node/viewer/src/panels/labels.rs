@@ -6,6 +6,7 @@ use egui::{
 };
 use sg_edit::{EditState, UnitRef};
 use sg_proto::labeling::{Candidate, FindReply, Outcome, State};
+use sg_proto::language::TourStep;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::selection_step::Step;
 use sg_proto::scene::{Select, SelectionStep, SetOperation, SetView, Target, set_view};
@@ -101,19 +102,26 @@ impl Panels {
             None if is_selected => Some(Region { unit: String::new(), about: "the selection".to_owned() }),
             None => None,
         };
-        if !is_selected && region.is_none() {
+        // A tour that is under way has a bar of its own.
+        let offers_tour = state.services.agents && state.tour.is_none();
+        if !is_selected && region.is_none() && !offers_tour {
             return;
         }
         ui.horizontal_wrapped(|ui| {
             if is_selected && ui.button("like this").on_hover_text("finds units like the selection").clicked() {
                 self.find(LIKE_THIS.to_owned(), state, output);
             }
-            let Some(Region { unit, about }) = region else { return };
-            let does = format!("pictures of {about} from where most of it is seen");
-            if ui.button("best views").on_hover_text(does).clicked() {
-                let question = self.labels.next(state, about);
-                output.requests.push(Request::Views { number: question.number, unit });
-                self.labels.views = Some(question);
+            if let Some(Region { unit, about }) = region {
+                let does = format!("pictures of {about} from where most of it is seen");
+                if ui.button("best views").on_hover_text(does).clicked() {
+                    let question = self.labels.next(state, about);
+                    output.requests.push(Request::Views { number: question.number, unit });
+                    self.labels.views = Some(question);
+                }
+            }
+            let does = "shows each unit from its best side, with a sentence about it";
+            if offers_tour && ui.button("begin a tour").on_hover_text(does).clicked() {
+                output.requests.push(Request::Tour(TourStep::Start));
             }
         });
     }

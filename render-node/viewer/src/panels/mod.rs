@@ -58,6 +58,7 @@ mod table;
 mod text_input;
 pub mod theme;
 mod tone;
+mod tour;
 pub mod transfer;
 mod units;
 mod volume_values;
@@ -83,6 +84,7 @@ pub use legend::legend;
 pub use output::{DisplayAction, Draft, Output, PanelHost};
 pub use panel::{Dock, Panel, RoomPlace};
 pub use state::Panels;
+pub(crate) use tour::{tour_bar, tour_legend};
 
 /// The narrowest dock that everything in it has room in, points, to be multiplied by [`Tools::scale`].
 pub const NARROWEST: f32 = 310.0;

@@ -8,6 +8,7 @@ use super::output::{Output, PanelHost};
 use super::panel::{Dock, Panel, RoomPlace};
 use super::state::Panels;
 use super::text_input::Field;
+use super::tour::tour_card;
 use crate::display::{Tools, ViewState};
 
 impl Panel {
@@ -42,6 +43,7 @@ impl Panels {
         // A window has them in its task column, and one undo in its toolbar.
         let is_window = self.host == PanelHost::Window;
         if !is_window {
+            tour_card(ui, state, output);
             if state.services.scene {
                 self.steps_back(ui, state, output);
             }

@@ -2,7 +2,7 @@
 
 use egui::{Align, Button, Rect, RichText, Ui, vec2};
 use glam::Vec3;
-use sg_edit::{BaseUnitState, UnitRef};
+use sg_edit::{BaseUnitState, EditState, UnitRef};
 use sg_proto::limits::MAX_NAME_BYTES;
 use sg_proto::scene::command::Action;
 use sg_proto::scene::{DeleteUnit, RenameUnit, Select, SetOperation};
@@ -90,6 +90,19 @@ fn can_rename(state: &ViewState, unit: UnitRef) -> bool {
     }
 }
 
+/// The colour of a unit's swatch; `None` where its Gaussians have colours of their own.
+pub(super) fn swatch_color(scene: &EditState, unit: UnitRef) -> Option<Vec3> {
+    match unit {
+        // The palette of a trained scene is black: its Gaussians have colours of their own. A copy has the look of its original,
+        // which another unit may have coloured.
+        UnitRef::Base(i) => {
+            let palette = || scene.base_units().get(i).map(|base| base.palette);
+            scene.covering_color(unit).or_else(palette).filter(|color| *color != Vec3::ZERO)
+        }
+        UnitRef::Editable(id) => scene.units().find(|known| known.id == id)?.color,
+    }
+}
+
 impl Panels {
     /// The structures: those of the file, saved ones, and those that commands made. Above them is what finds one.
     pub(super) fn structures(&mut self, ui: &mut Ui, state: &ViewState, output: &mut Output) {
@@ -123,13 +136,7 @@ impl Panels {
             let row = Row {
                 unit: UnitRef::Base(i),
                 name: base.name.clone(),
-                // The palette of a trained scene is black: its Gaussians have colours of their own. A copy has the look of its
-                // original, which another unit may have coloured.
-                color: state
-                    .scene
-                    .covering_color(UnitRef::Base(i))
-                    .or(Some(base.palette))
-                    .filter(|palette| *palette != Vec3::ZERO),
+                color: swatch_color(&state.scene, UnitRef::Base(i)),
                 opacity: base.opacity,
                 visible: base.visible,
                 locked: base.locked,

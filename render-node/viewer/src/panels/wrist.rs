@@ -7,11 +7,12 @@ use super::output::{DisplayAction, Output};
 use super::panel::{Panel, RoomPlace};
 use super::state::Panels;
 use super::theme;
+use super::tour::tour_buttons;
 use crate::display::{Request, Tools, ViewState};
 
 impl Panel {
-    /// The wrist menu: the brush mode, the answers to a stroke, one step back and forth, questions about the selection, the panels, the
-    /// scene's placement, a screenshot, labels.
+    /// The wrist menu: the brush mode, the answers to a stroke, one step back and forth, questions about the selection or the
+    /// buttons of a tour, the panels, the scene's placement, a screenshot, labels.
     pub const WRIST: Self = Self {
         name: "wrist",
         title: "Wrist menu",
@@ -57,7 +58,12 @@ impl Panels {
             if state.services.scene {
                 self.steps_back(ui, state, &mut output);
             }
-            about_selection(ui, state, &mut output);
+            // The menu has no room for a further line.
+            if state.tour.is_some() {
+                ui.horizontal(|ui| tour_buttons(ui, state, &mut output));
+            } else {
+                about_selection(ui, state, &mut output);
+            }
             ui.horizontal(|ui| {
                 for (action, text) in [
                     (DisplayAction::Panels, "panels"),

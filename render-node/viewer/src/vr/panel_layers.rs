@@ -356,6 +356,7 @@ fn same(a: &ViewState, b: &ViewState) -> bool {
         && Arc::ptr_eq(&a.conversation, &b.conversation)
         && Arc::ptr_eq(&a.notices, &b.notices)
         && Arc::ptr_eq(&a.labeling, &b.labeling)
+        && a.tour == b.tour
         && a.clusters.as_ref().map(Arc::as_ptr) == b.clusters.as_ref().map(Arc::as_ptr)
         && a.proposals.as_ref().map(Arc::as_ptr) == b.proposals.as_ref().map(Arc::as_ptr)
         && a.answers == b.answers

@@ -51,6 +51,7 @@ mod spacing_dialog;
 mod surface;
 mod tool_card;
 mod toolbar;
+mod tour_view;
 mod view_flight;
 mod window_files;
 mod window_ui;

@@ -12,7 +12,7 @@ use super::scene_view::SceneView;
 const HALF: f32 = 24.0;
 
 /// Points from the picture's edges to the middle of the cube: the corners of a turned cube reach √3 of half an edge.
-const INSET: f32 = 50.0;
+pub(super) const INSET: f32 = 50.0;
 
 /// Least share of a side's area that faces the eye and carries a label.
 const READABLE: f64 = 0.25;

@@ -58,12 +58,25 @@ pub struct Settings {
     pub native_dialogs: bool,
     /// Whether the ground grid and the box of what is visible are shown.
     pub grid: bool,
+    /// Whether the eye goes to another view within a moment.
+    pub smooth_views: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
-            Tools::default();
+        let Tools {
+            mode,
+            radius,
+            front_only,
+            quality,
+            light_panels,
+            scale,
+            gradient,
+            occlusion,
+            grid,
+            smooth_views,
+            ..
+        } = Tools::default();
         Self {
             width: 1440.0,
             height: 900.0,
@@ -83,6 +96,7 @@ impl Default for Settings {
             recent: Vec::new(),
             native_dialogs: true,
             grid,
+            smooth_views,
         }
     }
 }
@@ -164,7 +178,7 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, grid, .. } = *self;
+        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, grid, smooth_views, .. } = *self;
         let quality = given.unwrap_or(self.quality);
         *tools = Tools {
             mode,
@@ -176,6 +190,7 @@ impl Settings {
             gradient,
             occlusion,
             grid,
+            smooth_views,
             ..tools.clone()
         };
     }
@@ -219,6 +234,21 @@ mod tests {
             |quality| Settings { quality, ..loaded.clone() }.without_override(&loaded, Some(Quality::Fast));
         assert_eq!(at_the_end(Quality::Fast).quality, Quality::Exact);
         assert_eq!(at_the_end(Quality::Standard).quality, Quality::Standard);
+    }
+
+    #[test]
+    fn smooth_views_are_kept_and_on_at_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("window.toml");
+        let mut tools = Tools::default();
+        assert!(tools.smooth_views);
+        Settings { smooth_views: false, ..Settings::default() }.save(&path).unwrap();
+        Settings::load(&path).unwrap().unwrap().apply(&mut tools, None);
+        assert!(!tools.smooth_views);
+        // A file of an earlier version has no such line.
+        std::fs::write(&path, "grid = true\n").unwrap();
+        Settings::load(&path).unwrap().unwrap().apply(&mut tools, None);
+        assert!(tools.smooth_views && tools.grid);
     }
 
     #[test]

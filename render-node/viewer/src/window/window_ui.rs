@@ -27,6 +27,7 @@ use super::navigation::Navigator;
 use super::scene_view::SceneView;
 use super::settings::Settings;
 use super::shortcuts::{self, KeyFocus};
+use super::tour_view;
 use super::view_flight::ViewFlight;
 use super::window_files::FileMenu;
 use crate::display::{
@@ -165,8 +166,19 @@ impl WindowUi {
     /// Its settings without the size of the window.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let Tools { mode, radius, front_only, quality, light_panels, scale, gradient, occlusion, grid, .. } =
-            self.tools;
+        let Tools {
+            mode,
+            radius,
+            front_only,
+            quality,
+            light_panels,
+            scale,
+            gradient,
+            occlusion,
+            grid,
+            smooth_views,
+            ..
+        } = self.tools;
         Settings {
             panels: self.panels_shown,
             mouse_tool: self.scene_view.mouse_tool,
@@ -181,6 +193,7 @@ impl WindowUi {
             occlusion,
             hints_done: self.hints_done.clone(),
             grid,
+            smooth_views,
             ..Settings::default()
         }
     }
@@ -236,8 +249,7 @@ impl WindowUi {
             self.shared = view;
             // The eye has been there already, and may have moved on.
             if self.sent.take().map(|(sent, _)| sent) != Some(view) {
-                let now = ui.input(|input| input.time);
-                self.flight = Some(ViewFlight::new(self.scene_view.navigator.view, self.shared, now));
+                self.go_to(ui, view);
             }
         }
         self.fly(ui);
@@ -289,10 +301,14 @@ impl WindowUi {
         if self.panels_shown {
             self.show_panels(ui, &state, &mut requests);
         }
+        tour_view::show_bar(ui, &state, &mut requests);
         let mut picture = Rect::NOTHING;
         egui::CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
             picture = ui.available_rect_before_wrap();
-            self.scene_view.keep_framed(&mut self.first_view, &self.file, self.shared, ui.available_rect_before_wrap());
+            // On its way from the first view the eye is not framed anew: it would jump.
+            if self.flight.is_none() {
+                self.scene_view.keep_framed(&mut self.first_view, &self.file, self.shared, picture);
+            }
             let (response, output) = self.scene_view.interact(ui, &state, &mut self.tools);
             requests.extend(output);
             let notches = std::mem::take(&mut self.scene_view.notches);
@@ -316,6 +332,7 @@ impl WindowUi {
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
+            self.show_tour_legend(ui, response.rect, &state);
         });
         self.take_move_draft(ui, &newest);
         self.release_after_rest(ui, &state, &mut requests);
@@ -346,6 +363,17 @@ impl WindowUi {
             revision: state.scene.revision(),
             size: self.scene_view.size(),
         });
+    }
+
+    /// Has the eye go to another view, or jump there.
+    fn go_to(&mut self, ui: &Ui, view: View) {
+        let eye = &mut self.scene_view.navigator.view;
+        if self.tools.smooth_views {
+            self.flight = Some(ViewFlight::new(*eye, view, ui.input(|input| input.time)));
+        } else {
+            *eye = view;
+            self.flight = None;
+        }
     }
 
     /// Moves the eye on its way to another view.
@@ -387,14 +415,14 @@ impl WindowUi {
     }
 }
 
-/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), a view that is kept, or
-/// another view. Some of these begin at the present one. And where the scene is at the wanted view already, while the eye has moved
-/// away, only a change brings it back.
+/// Whether a request refers to the visible view: an utterance or a text for units ("this", "on the left"), a tour, a view that
+/// is kept, or another view. Some of these begin at the present one. And where the scene is at the wanted view already, while
+/// the eye has moved away, only a change brings it back.
 fn refers_to_view(request: &Request) -> bool {
     let from_here =
         |change: &command::Action| matches!(change, command::Action::SetView(_) | command::Action::KeepView(_));
     match request {
-        Request::Say(_) | Request::Find { .. } => true,
+        Request::Say(_) | Request::Tour(_) | Request::Find { .. } => true,
         Request::Change(change) => from_here(change),
         _ => false,
     }

@@ -22,6 +22,7 @@ mod region_tools;
 mod scene_requests;
 mod select_requests;
 mod stage;
+mod tours;
 mod transfer_function;
 mod typing;
 mod upright;

@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sg_edit::EditError;
 use sg_proto::labeling::{Candidate, FindReply, Outcome};
+use sg_proto::language::TourStep;
 use sg_proto::scene::command::Action;
 use sg_scene::model::Scene;
 use sg_viewer::display::{Answer, Drafts, Request, ServiceAvailability};
@@ -137,6 +138,10 @@ fn only_available_requests_are_sent_and_they_are_valid() {
                         Request::Select(_) => {
                             assert!(services.selection);
                             selects += 1;
+                        }
+                        Request::Tour(step) => {
+                            assert!(services.agents && services.labeling && step == TourStep::Start, "{step:?}");
+                            said += 1;
                         }
                         Request::Say(_) | Request::Withdraw => {
                             assert!(services.agents);

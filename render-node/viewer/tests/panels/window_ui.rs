@@ -233,6 +233,30 @@ fn the_selection_is_framed_from_where_the_eye_is() {
 }
 
 #[test]
+fn the_eye_goes_to_another_view_or_jumps_there() {
+    for smooth_views in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = Settings { smooth_views, panels: false, ..Settings::default() };
+        let (mut harness, service) = desk_of(&settings, Vec2::new(800.0, 600.0), folder.path());
+        let scene = scene();
+        let chosen = after(&scene, [select(&scene, 10..60)]);
+        service.writer.update(|state| state.scene = Arc::clone(&chosen));
+        harness.run_steps(2);
+        let mut there = chosen.view();
+        there.eye = there.target + 1.5 * (there.eye - there.target);
+        let change = Some(set_view::Change::View(sg_edit::wire::encode_view(&there)));
+        let moved = Arc::new(chosen.after(&scene, Action::SetView(SetView { change })).unwrap());
+        service.writer.update(|state| state.scene = Arc::clone(&moved));
+        harness.step();
+        // Where the eye is elsewhere the scene hears of its place first.
+        let asked = frame_selection(&mut harness, &service);
+        let is_elsewhere = matches!(asked.first(), Some(Some(set_view::Change::View(_))));
+        assert_eq!(is_elsewhere, smooth_views, "{asked:?}");
+        assert_eq!(harness.state().settings().smooth_views, smooth_views);
+    }
+}
+
+#[test]
 fn a_line_that_tells_something_is_read_along_and_not_down() {
     let folder = tempfile::tempdir().unwrap();
     let (mut harness, service) = desk(MouseTool::Navigate, folder.path());
@@ -306,7 +330,7 @@ fn a_lasso_and_a_rectangle_begin_where_the_button_was_pressed() {
 }
 
 /// Controls that lie beyond the window's edges, and text that is cut sideways, outside what scrolls.
-fn clipped(harness: &Harness<'_, WindowUi>) -> Vec<String> {
+pub(crate) fn clipped(harness: &Harness<'_, WindowUi>) -> Vec<String> {
     let window = harness.ctx.content_rect().expand(0.5);
     let text = harness.output().shapes.iter().filter_map(|shape| {
         let egui::Shape::Text(text) = &shape.shape else { return None };
