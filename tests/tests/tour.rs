@@ -79,6 +79,8 @@ fn views_are_found_kept_and_toured_by_words() {
         assert!(reply.ok && reply.text.contains("This view shows most of the body"), "{reply:?}");
         let said = done(&stack, "make the body white");
         assert!(said.contains("The tour waits"), "{said}");
+        let told = reply_with("The tour waits", &mut replies).await;
+        assert!(told.facts.contains("The tour waits"), "{told:?}");
         until_tour(&cli, |tour| tour.as_ref().is_some_and(|tour| tour.paused && tour.at == 0)).await;
         done(&stack, "next");
         let (title, reply) = stop(&mut utterances, &mut replies).await;
@@ -104,6 +106,16 @@ fn views_are_found_kept_and_toured_by_words() {
         until_tour(&cli, Option::is_none).await;
     })
     .unwrap();
+}
+
+/// The next reply that says something.
+async fn reply_with(text: &str, replies: &mut Subscription<Reply>) -> Reply {
+    loop {
+        let (reply, _) = tokio::time::timeout(PATIENCE, replies.next()).await.unwrap().unwrap();
+        if reply.text.contains(text) {
+            return reply;
+        }
+    }
 }
 
 /// Waits until the tour is as it should be.

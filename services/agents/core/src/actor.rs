@@ -13,12 +13,13 @@ use sg_language::reply::{self, Evidence};
 use sg_language::{grammar, paraphrase, request_ids};
 use sg_llm::{LlmClient, LlmError};
 use sg_proto::bus::Code;
-use sg_proto::keys::{self, Stream, role};
+use sg_proto::keys::{self, role};
 use sg_proto::language::{
     Act, AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
+use sg_proto::scene::ChangesRequest;
 use sg_runtime::actor::{self, Actor, ActorError};
 use sg_runtime::bus::{Bus, LivelinessChange};
 use sg_runtime::context::Context;
@@ -28,7 +29,9 @@ use tokio::sync::{mpsc, watch};
 
 use crate::image_diff::images_differ;
 use crate::published_state::PublishedState;
+use crate::publishing::publish;
 use crate::tour::TourGuide;
+use crate::turn_changes::TurnChanges;
 
 /// Length of the request queue.
 const QUEUE: usize = 16;
@@ -62,9 +65,8 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     let agent_state = llm.initial_state();
     let retained = host.bus().retain(&keys::CORE_STATE, agent_state.clone()).await?;
     let published_state = Arc::new(PublishedState::new(retained, agent_state.clone()));
-    let watched = || host.bus().watch_liveliness(LIVELINESS_QUEUE);
-    let capture_processes = count_processes(role::RENDER_CAPTURE, watched().await?);
-    let voices = count_processes(role::SPEECH, watched().await?);
+    let liveliness = host.bus().watch_liveliness(LIVELINESS_QUEUE).await?;
+    let [capture_processes, voices] = count_processes([role::RENDER_CAPTURE, role::SPEECH], liveliness);
     let agent = CoreAgent {
         bus: host.bus().clone(),
         llm,
@@ -83,15 +85,18 @@ pub(crate) async fn start(host: Host) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Counts the live processes of a role. Without one the agent does not wait for its answer.
-fn count_processes(of: &'static str, mut events: mpsc::Receiver<LivelinessChange>) -> watch::Receiver<usize> {
-    let (count, receiver) = watch::channel(0);
+/// Counts the live processes of each role. Without one the agent does not wait for its answer.
+fn count_processes<const N: usize>(
+    roles: [&'static str; N],
+    mut events: mpsc::Receiver<LivelinessChange>,
+) -> [watch::Receiver<usize>; N] {
+    let mut counted = roles.map(|role| (role, BTreeSet::new(), watch::channel(0).0));
+    let receivers = counted.each_ref().map(|(_, _, count)| count.subscribe());
     tokio::spawn(async move {
-        let mut alive = BTreeSet::new();
         while let Some(event) = events.recv().await {
-            if event.role == of {
+            for (_, alive, count) in counted.iter_mut().filter(|counted| event.role == counted.0) {
                 if event.alive {
-                    alive.insert(event.instance)
+                    alive.insert(event.instance.clone())
                 } else {
                     alive.remove(&event.instance)
                 };
@@ -99,7 +104,7 @@ fn count_processes(of: &'static str, mut events: mpsc::Receiver<LivelinessChange
             }
         }
     });
-    receiver
+    receivers
 }
 
 enum Message {
@@ -131,12 +136,15 @@ struct Conversation {
     step: u32,
     /// The last turns, oldest first.
     turns: Vec<Turn>,
+    /// What the newest turn changed.
+    changes: Option<TurnChanges>,
 }
 
 impl Conversation {
-    fn add(&mut self, utterance: &str, reply: &str) {
+    fn add(&mut self, utterance: &str, reply: &str, changes: Option<TurnChanges>) {
         let cut = |text| clip(text, MAX_TURN_BYTES).to_owned();
-        self.turns.push(Turn { utterance: cut(utterance), reply: cut(reply) });
+        self.turns.push(Turn { utterance: cut(utterance), reply: cut(reply), ..Turn::default() });
+        self.changes = changes;
         let excess = self.turns.len().saturating_sub(MAX_TURNS);
         self.turns.drain(..excess);
     }
@@ -146,6 +154,8 @@ impl Conversation {
 struct LoopProgress {
     context: Context,
     step: u32,
+    /// What was changed so far.
+    changes: Option<TurnChanges>,
 }
 
 impl LoopProgress {
@@ -196,7 +206,7 @@ impl CoreAgent {
             return Err(fault.clone());
         }
         let mut turn = self.begin(context);
-        self.publish(&keys::UTTERANCE, utterance, &turn.next_stage()).await;
+        publish(&self.bus, &keys::UTTERANCE, utterance, &turn.next_stage()).await;
         let outcome = match self.answer(utterance, &mut turn).await {
             Ok(reply) => self.paraphrase(reply, &utterance.text, &turn.context).await,
             Err(fault) => Err(fault),
@@ -206,11 +216,11 @@ impl CoreAgent {
             Err(fault) => Reply { text: fault.message.clone(), ok: false, ..Reply::default() },
         };
         reply.elapsed_ms = start.elapsed().as_secs_f64() * 1e3;
-        self.publish(&keys::REPLY, &reply, &turn.next_stage()).await;
+        publish(&self.bus, &keys::REPLY, &reply, &turn.next_stage()).await;
         let id = turn.context.conversation.clone();
         let conversation = self.conversations.get_or_insert_mut(id, Conversation::default);
         conversation.step = turn.step;
-        conversation.add(&utterance.text, &reply.text);
+        conversation.add(&utterance.text, &reply.text, turn.changes);
         // A fault is transient: a repeated utterance continues where it stopped.
         match outcome {
             Ok(_) => {
@@ -245,10 +255,11 @@ impl CoreAgent {
         }
         let plan = Plan { clauses: intent.clauses.clone(), observation: Some(before.clone()) };
         let stage = turn.next_stage();
-        self.publish(&keys::PLAN, &plan, &stage).await;
+        publish(&self.bus, &keys::PLAN, &plan, &stage).await;
         let execute = inner(turn.next_stage()).with_id(request_ids::plan(&turn.context.id));
         let mut outcome: PlanResult =
             self.bus.ask(&keys::EXECUTE, &plan, &execute).await.map_err(|f| stage_fault("function", f))?;
+        turn.changes = TurnChanges::of(&intent, &outcome);
         let is_interrupted = self.follow_tour(&intent, &mut outcome).await;
         let changed = outcome.actions.iter().any(|action| {
             let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
@@ -276,8 +287,8 @@ impl CoreAgent {
                 continue;
             }
             match self.tours.change(clause.tour(), &action.units).await {
-                Ok("") => {}
-                Ok(text) => action.text = text.to_owned(),
+                Ok(None) => {}
+                Ok(Some(text)) => action.text = text.to_owned(),
                 Err(reason) => (action.ok, action.text) = (false, reason.to_owned()),
             }
         }
@@ -291,16 +302,37 @@ impl CoreAgent {
         before: &Observation,
         turn: &mut LoopProgress,
     ) -> Result<Intent, Fault> {
-        let conversation = self.conversations.peek(&turn.context.conversation);
+        let parse = turn.next_stage();
         let request = IntentRequest {
             text: utterance.text.clone(),
             observation: Some(before.clone()),
-            conversation: conversation.map_or_else(Vec::new, |c| c.turns.clone()),
+            conversation: self.earlier_turns(before, &parse).await,
         };
-        let parse = turn.next_stage();
         let time = parse.remaining() * 2 / 3;
         let parse = parse.within(time).with_id(request_ids::intent(&turn.context.id));
         self.bus.ask(&keys::PARSE, &request, &parse).await.map_err(|f| stage_fault("intent", f))
+    }
+
+    /// The earlier turns of the conversation. The newest one tells how it can be taken back.
+    async fn earlier_turns(&self, before: &Observation, context: &Context) -> Vec<Turn> {
+        let Some(conversation) = self.conversations.peek(&context.conversation) else { return Vec::new() };
+        let mut turns = conversation.turns.clone();
+        let (Some(last), Some(changes), Some(scene)) =
+            (turns.last_mut(), conversation.changes.as_ref(), before.scene.as_ref())
+        else {
+            return turns;
+        };
+        let request = ChangesRequest { from: changes.start(), snapshot: false };
+        let limited = context.next().within(OBSERVE_TIME.min(context.remaining() / 3));
+        match self.bus.ask(&keys::SCENE_CHANGES, &request, &limited).await {
+            Ok(since) => {
+                let steps = changes.steps(&since.events, scene);
+                (last.undo_steps, last.later_views) = (steps.all, steps.later_views);
+            }
+            // The turn can then only be read again.
+            Err(fault) => tracing::warn!(%fault, "the changes of the last turn are unknown"),
+        }
+        turns
     }
 
     /// Lets the model rephrase a reply, where a model is configured.
@@ -355,7 +387,7 @@ impl CoreAgent {
             ..CaptureRequest::default()
         };
         let perceive = Perceive { capture: Some(capture.clone()), moment: moment.to_owned() };
-        self.publish(&keys::PERCEIVE, &perceive, &context).await;
+        publish(&self.bus, &keys::PERCEIVE, &perceive, &context).await;
         if *self.capture_processes.borrow() == 0 {
             missing.push("no render process is running".to_owned());
         } else if scene.is_some() {
@@ -365,15 +397,8 @@ impl CoreAgent {
             }
         }
         observation.missing = missing.join("; ");
-        self.publish(&keys::OBSERVATION, &observation, &turn.next_stage()).await;
+        publish(&self.bus, &keys::OBSERVATION, &observation, &turn.next_stage()).await;
         observation
-    }
-
-    /// Publishes a stage. A failure is logged and does not stop the utterance.
-    async fn publish<M: prost::Message + prost::Name>(&self, row: &Stream<M>, message: &M, context: &Context) {
-        if let Err(fault) = self.bus.publish(row, message, context).await {
-            tracing::warn!(%fault, key = row.name, "a stage could not be published");
-        }
     }
 
     /// Starts a turn in the conversation of the utterance, or in a new one. Steps continue those of the last utterance.
@@ -383,7 +408,7 @@ impl CoreAgent {
         let last = self.conversations.peek(&conversation).map_or(0, |c| c.step);
         let step = last.max(context.step.saturating_sub(1));
         let context = context.at_step(conversation, step);
-        LoopProgress { context, step }
+        LoopProgress { context, step, changes: None }
     }
 }
 

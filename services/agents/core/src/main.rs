@@ -3,7 +3,9 @@
 mod actor;
 mod image_diff;
 mod published_state;
+mod publishing;
 mod tour;
+mod turn_changes;
 
 use std::process::ExitCode;
 

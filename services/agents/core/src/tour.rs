@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use sg_language::prompt::clip;
 use sg_language::{grammar, request_ids};
-use sg_proto::keys::{self, Stream};
+use sg_proto::keys;
 use sg_proto::language::{Act, Clause, Plan, Reference, Reply, Source, Tour, TourStep, Utterance};
 use sg_proto::speech::{Control, ControlRequest, SpeakReply, SpeakRequest};
 use sg_runtime::bus::Bus;
@@ -16,6 +16,7 @@ use sg_runtime::context::Context;
 use tokio::sync::{mpsc, watch};
 
 use crate::published_state::PublishedState;
+use crate::publishing::publish;
 
 /// Changes that wait for a tour. More at once are dropped.
 const STEPS: usize = 8;
@@ -49,22 +50,27 @@ impl TourGuide {
         Self { bus, voices, state, under_way: None }
     }
 
-    /// Carries out a change. The sentence says what follows, or why nothing does.
-    pub(crate) async fn change(&mut self, step: TourStep, stops: &[String]) -> Result<&'static str, &'static str> {
-        if matches!(step, TourStep::Start | TourStep::Unspecified) {
-            self.begin(stops.to_vec()).await;
-            return Ok("");
-        }
+    /// Carries out a change. The sentence says what follows, or why nothing does. A tour that begins speaks for itself.
+    pub(crate) async fn change(
+        &mut self,
+        step: TourStep,
+        stops: &[String],
+    ) -> Result<Option<&'static str>, &'static str> {
+        let text = match step {
+            TourStep::Start | TourStep::Unspecified => {
+                self.begin(stops.to_vec()).await;
+                return Ok(None);
+            }
+            TourStep::Pause => "The tour waits here. Say “go on” to continue.",
+            TourStep::Resume => "The tour goes on.",
+            TourStep::Next => "On to the next stop.",
+            TourStep::Previous => "Back to the previous stop.",
+            TourStep::End => "The tour ends.",
+        };
         let steps = self.under_way.as_ref().filter(|steps| !steps.is_closed());
         let steps = steps.ok_or("No tour is under way. Say “give me a tour” to begin one.")?;
         steps.try_send(step).map_err(|_| "The tour is still on its way to the last stop that you asked for.")?;
-        Ok(match step {
-            TourStep::Pause => "The tour waits here. Say “go on” to continue.",
-            TourStep::Resume => "The tour goes on.",
-            TourStep::Previous => "Back to the previous stop.",
-            TourStep::End => "The tour ends.",
-            TourStep::Next | TourStep::Start | TourStep::Unspecified => "On to the next stop.",
-        })
+        Ok(Some(text))
     }
 
     /// Lets the tour wait, since somebody does something else. Returns whether it did not wait already.
@@ -103,9 +109,9 @@ struct Walk {
 }
 
 impl Walk {
+    /// Goes from stop to stop. The first one is published already: whoever began the tour may ask for it at once.
     async fn run(mut self, mut steps: mpsc::Receiver<TourStep>) {
-        while let Some(stop) = self.tour.stops.get(self.tour.at as usize).cloned() {
-            self.publish_tour().await;
+        while let Some(stop) = self.stop() {
             let step = {
                 let visit = self.visit(&stop);
                 tokio::pin!(visit);
@@ -132,6 +138,9 @@ impl Walk {
                 // Another tour has begun, or the agent ends.
                 None => return,
             }
+            if self.stop().is_some() {
+                self.publish_tour().await;
+            }
         }
         let whole = self.tour.at as usize >= self.tour.stops.len();
         self.state.set_tour(None).await;
@@ -153,6 +162,11 @@ impl Walk {
         };
         self.tour.paused = false;
         step
+    }
+
+    /// The present stop. `None`: the tour is over.
+    fn stop(&self) -> Option<String> {
+        self.tour.stops.get(self.tour.at as usize).cloned()
     }
 
     async fn publish_tour(&self) {
@@ -231,7 +245,7 @@ impl Walk {
         let context = Context::root();
         let turn = |step| context.next().at_step(context.id.clone(), step);
         let utterance = Utterance { text: title.to_owned(), source: Source::Text.into() };
-        self.publish(&keys::UTTERANCE, &utterance, &turn(1)).await;
+        publish(&self.bus, &keys::UTTERANCE, &utterance, &turn(1)).await;
         let reply = Reply {
             text: text.to_owned(),
             facts: text.to_owned(),
@@ -241,13 +255,7 @@ impl Walk {
             actions,
             ..Reply::default()
         };
-        self.publish(&keys::REPLY, &reply, &turn(2)).await;
-    }
-
-    async fn publish<M: prost::Message + prost::Name>(&self, row: &Stream<M>, message: &M, context: &Context) {
-        if let Err(fault) = self.bus.publish(row, message, context).await {
-            tracing::warn!(%fault, key = row.name, "a stop of a tour could not be published");
-        }
+        publish(&self.bus, &keys::REPLY, &reply, &turn(2)).await;
     }
 }
 

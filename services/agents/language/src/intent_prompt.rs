@@ -213,7 +213,8 @@ mod tests {
     #[test]
     fn scene_and_conversation_are_data() {
         let mut input = request("hide it", &["sac", "vessel"]);
-        input.conversation = (0..9).map(|n| Turn { utterance: format!("said {n}"), reply: "x".repeat(5000) }).collect();
+        let turn = |n| Turn { utterance: format!("said {n}"), reply: "x".repeat(5000), ..Turn::default() };
+        input.conversation = (0..9).map(turn).collect();
         let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         let user: Value = serde_json::from_str(&prompt.user).unwrap();
         assert_eq!(user["utterance"], "hide it");
@@ -243,7 +244,8 @@ mod tests {
         let names: Vec<String> = (0..2000).map(|n| format!("{n:0128}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let mut input = request(&"a ".repeat(MAX_UTTERANCE_BYTES / 2), &names);
-        input.conversation = vec![Turn { utterance: "\u{1}".repeat(9999), reply: "\u{1}".repeat(9999) }; 100];
+        let turn = Turn { utterance: "\u{1}".repeat(9999), reply: "\u{1}".repeat(9999), ..Turn::default() };
+        input.conversation = vec![turn; 100];
         let prompt = intent_prompt().build("agent-intent", &input, "id").unwrap();
         assert!(prompt.bytes() < MAX_PROMPT_BYTES, "{}", prompt.bytes());
         let user: Value = serde_json::from_str(&prompt.user).unwrap();

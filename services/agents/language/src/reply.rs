@@ -1,10 +1,11 @@
 //! Replies to utterances: executed commands, their effect on the image, parts that were not understood.
 
-use sg_proto::language::{ActionResult, Clause, Intent, Observation, PlanResult, Reply};
-use sg_proto::scene::State;
+use sg_proto::language::{Act, ActionResult, Clause, Intent, Observation, PlanResult, Reply};
+use sg_proto::scene::{State, set_view};
 
 use crate::commands::command::Effect;
 use crate::commands::table::effect;
+use crate::report::lower;
 use crate::text::{is_plural, join, percent, the};
 
 /// The observations before and after the commands.
@@ -53,19 +54,7 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -
     if !intent.read_as.is_empty() {
         sentences.push(format!("I read that as “{}”.", intent.read_as.trim_end_matches('.')));
     }
-    for (place, action) in outcome.actions.iter().enumerate() {
-        let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
-        let mut text = action.text.clone();
-        // The image shows only the last change of a unit.
-        let last = outcome.actions.iter().skip(place + 1).all(|later| later.units != action.units);
-        if action.ok
-            && last
-            && let Some(more) = clause.and_then(|c| coverage(c, action, evidence))
-        {
-            text = format!("{}; {more}.", text.trim_end_matches('.'));
-        }
-        sentences.push(text);
-    }
+    sentences.extend(action_texts(intent, outcome, evidence));
     let failed = outcome.actions.iter().any(|a| !a.ok);
     let left = intent.clauses.len().saturating_sub(outcome.actions.len());
     if left > 0 {
@@ -88,6 +77,55 @@ pub fn compose(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -
         actions: outcome.actions.clone(),
         ..Reply::default()
     }
+}
+
+/// What was done, one text for each action that a person asked for.
+fn action_texts(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'_>) -> Vec<String> {
+    let mut texts = Vec::new();
+    // An undo that belongs to what follows it.
+    let mut undone: Option<String> = None;
+    for (place, action) in outcome.actions.iter().enumerate() {
+        let clause = usize::try_from(action.clause).ok().and_then(|i| intent.clauses.get(i));
+        let mut text = action.text.clone();
+        let goes_on = place + 1 < outcome.actions.len();
+        if action.ok && goes_on && clause.is_some_and(|c| c.act() == Act::Undo) {
+            texts.extend(undone.replace(taken_back(&text)).map(|earlier| format!("{earlier}.")));
+            continue;
+        }
+        if action.ok && clause.is_some_and(keeps_view) {
+            continue;
+        }
+        // The image shows only the last change of a unit.
+        let last = outcome.actions.iter().skip(place + 1).all(|later| later.units != action.units);
+        if action.ok
+            && last
+            && let Some(more) = clause.and_then(|c| coverage(c, action, evidence))
+        {
+            text = format!("{}; {more}.", text.trim_end_matches('.'));
+        }
+        texts.push(match undone.take() {
+            // A list has lines of its own, and "I" has a capital.
+            Some(undone) if action.ok && !text.contains('\n') && !text.starts_with("I ") => {
+                format!("{undone}; {}", lower(&text))
+            }
+            Some(undone) => format!("{undone}. {text}"),
+            None => text,
+        });
+    }
+    texts.extend(undone.map(|undone| format!("{undone}.")));
+    texts
+}
+
+/// The report of an undo as the beginning of a sentence.
+fn taken_back(report: &str) -> String {
+    let report = report.trim_end_matches('.');
+    report.strip_prefix("Undid").map_or_else(|| report.to_owned(), |what| format!("Took back{what}"))
+}
+
+/// Whether a clause only keeps the viewpoint beside an undo. Nobody has said it.
+fn keeps_view(clause: &Clause) -> bool {
+    let change = clause.view.as_ref().and_then(|view| view.change.as_ref());
+    clause.words.is_empty() && matches!(change, Some(set_view::Change::View(_)))
 }
 
 /// The coverage of the one unit of an action.
@@ -155,9 +193,9 @@ fn invisible_change(intent: &Intent, outcome: &PlanResult, evidence: &Evidence<'
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sg_proto::language::{Act, Reference};
+    use sg_proto::language::Reference;
     use sg_proto::render::{Frame, UnitCoverage};
-    use sg_proto::scene::{BaseUnit, Command};
+    use sg_proto::scene::{BaseUnit, Command, SetView, View};
 
     fn intent(acts: &[Act]) -> Intent {
         let clause = |act: &Act| Clause {
@@ -234,6 +272,32 @@ mod tests {
         );
         assert_eq!(reply.text, "Nothing is named “sack”. Not executed: “Hide”.");
         assert!(!reply.ok);
+    }
+
+    #[test]
+    fn what_was_taken_back_is_told_with_what_follows() {
+        let said = |acts: &[Act], results: &[(bool, &str)]| text(acts, results, &observation(true, None), None).text;
+        let undid = (true, "Undid: coloured bone #ff0000.");
+        let told = said(&[Act::Undo, Act::SetColor], &[undid, (true, "The sac is now red.")]);
+        assert!(told.starts_with("Took back: coloured bone #ff0000; the sac is now red. "), "{told}");
+        let told = said(&[Act::Undo, Act::SetColor], &[(true, "Undid 2 changes."), (true, "I took it as red.")]);
+        assert!(told.starts_with("Took back 2 changes. I took it as red."), "{told}");
+        let told = said(&[Act::Undo, Act::SetColor], &[undid, (false, "Nothing is named “sack”.")]);
+        assert_eq!(told, "Took back: coloured bone #ff0000. Nothing is named “sack”.");
+        let told = said(&[Act::Undo, Act::SetColor], &[(false, "There is nothing to undo.")]);
+        assert_eq!(told, "There is nothing to undo. Not executed: “SetColor”.");
+        assert_eq!(said(&[Act::Undo], &[undid]), undid.1);
+    }
+
+    #[test]
+    fn a_viewpoint_that_only_stays_is_not_told() {
+        let mut intent = intent(&[Act::Undo, Act::SetView]);
+        let stay = SetView { change: Some(set_view::Change::View(View::default())) };
+        intent.clauses[1] = Clause { view: Some(stay), words: String::new(), ..intent.clauses[1].clone() };
+        let done = outcome(&[(true, "Undid: coloured bone #ff0000."), (true, "The view has changed.")]);
+        let before = Observation::default();
+        let reply = compose(&intent, &done, &Evidence { before: &before, after: None, changed: None });
+        assert_eq!(reply.text, "Took back: coloured bone #ff0000.");
     }
 
     #[test]

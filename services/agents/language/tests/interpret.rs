@@ -3,7 +3,7 @@
 
 use sg_language::grammar;
 use sg_proto::language::{Act, Clause, Intent, IntentRequest, Observation, Turn};
-use sg_proto::scene::{BaseUnit, KeptView, Selection, State, set_view};
+use sg_proto::scene::{BaseUnit, KeptView, Selection, State, View, set_view};
 
 const UNITS: [&str; 4] = ["bone", "vessel", "sac", "skin"];
 
@@ -159,6 +159,117 @@ fn an_utterance_continues_the_one_before() {
         assert!(intent.clauses.is_empty(), "“{said}” after “{before}”: {intent:?}");
     }
     assert!(interpret("the same for the vessel", &[]).clauses.is_empty());
+}
+
+/// What an utterance means after others, of which the last one changed the scene in `steps`. The bone was its target.
+fn after_change(said: &str, before: &[&str], steps: u32) -> Intent {
+    let mut request = request(said, before);
+    let scene = request.observation.as_mut().and_then(|o| o.scene.as_mut()).unwrap();
+    scene.focus = vec!["bone".to_owned()];
+    request.conversation.last_mut().unwrap().undo_steps = steps;
+    grammar::interpret(&request).unwrap()
+}
+
+/// Asserts that an utterance takes the one before back, and then means the same as `plain`.
+#[track_caller]
+fn corrects(said: &str, before: &[&str], plain: &str) {
+    let intent = after_change(said, before, 2);
+    let undo = Clause { act: Act::Undo.into(), amount: Some(2.0), ..Clause::default() };
+    let mut expected = vec![undo];
+    if !plain.is_empty() {
+        let meant = interpret(plain, &[]);
+        assert!(meant.not_understood.is_empty() && !meant.clauses.is_empty(), "“{plain}”: {meant:?}");
+        expected.extend(meaning(&meant));
+    }
+    assert_eq!(meaning(&intent), expected, "“{said}” after {before:?}: {intent:?}");
+    assert_eq!(intent.not_understood, Vec::<String>::new(), "“{said}”");
+}
+
+#[test]
+fn a_correction_takes_the_utterance_before_back() {
+    let red = "make the bone red";
+    for (said, before, plain) in [
+        ("no, the sac", red, "make the sac red"),
+        ("no, blue", red, "make the bone blue"),
+        ("I meant the sac", red, "make the sac red"),
+        ("oops I meant white", "background red", "background white"),
+        ("not the bone, the sac", red, "make the sac red"),
+        ("the sac, not the bone", red, "make the sac red"),
+        ("not that one, the sac", red, "make the sac red"),
+        ("oops, not the bone, the vessel", "select the bone", "select the vessel"),
+        ("not the bone, the skin", "make the bone and the sac red", "make the skin and the sac red"),
+        ("sorry, 30 percent", "fade the skin to 20 percent", "fade the skin to 30 percent"),
+        ("hmm no, make that light blue", "white background", "light blue background"),
+        ("wait, the sac", red, "make the sac red"),
+        ("the sac instead", red, "make the sac red"),
+        ("no, make the sac blue", red, "make the sac blue"),
+        ("that was wrong, hide the sac", red, "hide the sac"),
+        ("no, hide it", red, "hide the bone"),
+        ("no, the sac", "could you please make the bone red?", "make the sac red"),
+        ("no, out", "zoom in", "zoom out"),
+        ("not the bone! the skull", "hide the bone", "hide the skull"),
+    ] {
+        corrects(said, &["help", before], plain);
+    }
+    // Corrections of a correction.
+    corrects("no, green", &[red, "no, blue"], "make the bone green");
+    corrects("no, green", &[red, "no, the sac", "sorry, blue"], "make the sac green");
+}
+
+#[test]
+fn a_rejection_alone_takes_the_utterance_before_back() {
+    for said in ["never mind", "put it back", "no, not that", "that was wrong", "black was better, put it back"] {
+        corrects(said, &["make the background white"], "");
+    }
+    // What was moved has a place to go back to.
+    assert_eq!(after_change("put it back", &["move the bone 5 mm left"], 1).clauses[0].act(), Act::Transform);
+}
+
+#[test]
+fn without_a_change_a_correction_is_only_read_again() {
+    for (said, before, plain) in [
+        ("no, the sac", "how big is the bone", "how big is the sac"),
+        ("no, the bone", "make the liver red", "make the bone red"),
+        ("no, make the sac red", "what a nice day", "make the sac red"),
+    ] {
+        means(said, &[before], plain);
+    }
+    for said in ["never mind", "no, not that", "no"] {
+        assert!(interpret(said, &["how big is the bone"]).clauses.is_empty(), "“{said}”");
+    }
+}
+
+#[test]
+fn what_is_no_correction_takes_nothing_back() {
+    let red = "make the bone red";
+    for said in ["no", "no thanks", "no, thanks", "no, seventeen", "no, the weather looks bad", "the sac"] {
+        let intent = after_change(said, &[red], 1);
+        assert!(intent.clauses.is_empty(), "“{said}”: {intent:?}");
+    }
+    for said in
+        ["make the sac blue", "actually make the sac blue", "make the sac blue, not the bone", "yes, hide the sac"]
+    {
+        let acts: Vec<Act> = after_change(said, &[red], 1).clauses.iter().map(Clause::act).collect();
+        assert!(!acts.is_empty() && !acts.contains(&Act::Undo), "“{said}”: {acts:?}");
+    }
+}
+
+#[test]
+fn an_undo_leaves_the_viewpoint_where_a_person_moved_it() {
+    let view = View { fov_y_degrees: 33.0, ..View::default() };
+    let acts = |before: &str| {
+        let mut request = request("never mind", &[before]);
+        let scene = request.observation.as_mut().and_then(|o| o.scene.as_mut()).unwrap();
+        scene.view = Some(view);
+        let last = request.conversation.last_mut().unwrap();
+        (last.undo_steps, last.later_views) = (2, 1);
+        let intent = grammar::interpret(&request).unwrap();
+        let change = intent.clauses.get(1).and_then(|clause| clause.view.as_ref()).and_then(|view| view.change.clone());
+        (intent.clauses.iter().map(Clause::act).collect::<Vec<_>>(), change)
+    };
+    let stay = Some(set_view::Change::View(view));
+    assert_eq!(acts("make the bone red"), (vec![Act::Undo, Act::SetView], stay));
+    assert_eq!(acts("zoom in"), (vec![Act::Undo], None));
 }
 
 #[test]

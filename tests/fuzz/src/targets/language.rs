@@ -17,7 +17,7 @@ static PROMPT: LazyLock<IntentPrompt> = LazyLock::new(|| IntentPrompt::new().unw
 pub(crate) fn utterance(_: &Stage, input: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(input) else { return false };
     let Ok(intent) = grammar::parse(text, &OBSERVATION) else { return false };
-    let turn = Turn { utterance: "make the sac red".to_owned(), reply: String::new() };
+    let turn = Turn { utterance: "make the sac red".to_owned(), undo_steps: 1, ..Turn::default() };
     let request =
         IntentRequest { text: text.to_owned(), observation: Some(OBSERVATION.clone()), conversation: vec![turn] };
     let interpreted = grammar::interpret(&request).unwrap();

@@ -9,7 +9,9 @@ use std::collections::HashSet;
 use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
 use super::sentence::Sentence;
-use super::{Reader, UtteranceError, follow_up, plain_form, rewording, self_correction, slots, spelling, tokens_of};
+use super::{
+    Reader, UtteranceError, correction, follow_up, plain_form, rewording, self_correction, slots, spelling, tokens_of,
+};
 use crate::syntax::token::{self, Token};
 
 /// Longest utterance that is repaired, tokens. People say longer ones in parts.
@@ -65,6 +67,7 @@ const DESTRUCTIVE: [Act; 4] = [Act::DeleteGaussians, Act::Delete, Act::Reset, Ac
 /// | "the bone, more see-through please" | the command that has these slots, in any order of the words |
 /// | "high the skin", "back ground white" | words in place of others that sound alike |
 /// | "hied the vesel" | the one way of spelling that makes a sentence; [`Intent::read_as`] tells it |
+/// | "no, the bone", "I meant the bone", "never mind" | the last utterance taken back, and corrected |
 /// | "and the vessel too", "the same for the vessel" | the last utterance for another target |
 /// | "yes" after an utterance with a spelling mistake | its repaired form |
 ///
@@ -79,6 +82,9 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     let tokens = tokens_of(text)?;
     let reader = Reader::new(&observation);
     let literal = reader.read_tokens(text, &tokens);
+    if let Some(sentence) = correction::of(&reader, request, &tokens, &literal) {
+        return Ok(repaired(sentence, text, String::new()));
+    }
     if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
         return Ok(withhold(reader.intent(text, &tokens, literal)));
     }
@@ -164,7 +170,7 @@ fn certain(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
     Some(reader.read(text)).filter(Sentence::is_certain)
 }
 
-fn is_safe(sentence: &Sentence) -> bool {
+pub(super) fn is_safe(sentence: &Sentence) -> bool {
     sentence.clauses.iter().all(|clause| SAFE.contains(&clause.act()))
 }
 

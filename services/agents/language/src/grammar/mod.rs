@@ -20,6 +20,7 @@
 //! | "go to entry" | the unit "entry", else the kept viewpoint |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
+mod correction;
 mod follow_up;
 mod interpretation;
 mod plain_form;

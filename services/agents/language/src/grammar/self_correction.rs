@@ -7,7 +7,7 @@ use super::sentence::Sentence;
 use crate::syntax::token::{Kind, Token, begins_with, text_of};
 
 /// Words between what was said first and its correction, the longest first.
-const MARKERS: [&[&str]; 15] = [
+pub(super) const MARKERS: [&[&str]; 15] = [
     &["or", "rather"],
     &["no", "wait"],
     &["wait", "no"],
@@ -39,16 +39,21 @@ const REPEATED: [&[&str]; 7] = [
 /// Most tokens that a correction takes the place of.
 const MAX_REPLACED: usize = 5;
 
-/// The corrected utterance, where it has one clear meaning.
+/// The reading of the corrected utterance, where it has one clear meaning.
+pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token]) -> Option<Sentence> {
+    corrected(reader, source, tokens).map(|(_, sentence)| sentence)
+}
+
+/// The text of the corrected utterance and its reading.
 ///
 /// The part behind the last marker counts alone if it is a command. Otherwise it takes the place of some words before the marker:
 /// of the last ones for which the utterance has the same acts and one clause is another.
-pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token]) -> Option<Sentence> {
+pub(super) fn corrected(reader: &Reader<'_>, source: &str, tokens: &[Token]) -> Option<(String, Sentence)> {
     let (head, tail) = parts(tokens)?;
     let alone = reader.read(text_of(source, tail));
     let refers_back = alone.clauses.iter().filter_map(|c| c.target.as_ref()).any(|t| t.focus);
     if alone.is_certain() && !refers_back {
-        return Some(alone);
+        return Some((text_of(source, tail).to_owned(), alone));
     }
     let repeated = REPEATED.iter().find(|words| tail.len() > words.len() && begins_with(tail, words));
     let tail = repeated.and_then(|words| tail.get(words.len()..)).unwrap_or(tail);
@@ -61,7 +66,12 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token]) -> Option<
 }
 
 /// The head with the correction in the place of some of its last words that fit, and the rest of the utterance behind it.
-fn replaced(reader: &Reader<'_>, source: &str, (head, tail): (&[Token], &[Token]), rest: &str) -> Option<Sentence> {
+fn replaced(
+    reader: &Reader<'_>,
+    source: &str,
+    (head, tail): (&[Token], &[Token]),
+    rest: &str,
+) -> Option<(String, Sentence)> {
     let first = reader.read(&format!("{} {rest}", text_of(source, head)));
     if !first.not_understood.is_empty() || first.clauses.is_empty() {
         return None;
@@ -73,16 +83,17 @@ fn replaced(reader: &Reader<'_>, source: &str, (head, tail): (&[Token], &[Token]
         for from in (0..=head.len() - length).rev() {
             let before = text_of(source, head.get(..from).unwrap_or_default());
             let after = text_of(source, head.get(from + length..).unwrap_or_default());
-            let corrected = reader.read(&format!("{before} {} {after} {rest}", text_of(source, tail)));
+            let text = format!("{before} {} {after} {rest}", text_of(source, tail)).trim().to_owned();
+            let corrected = reader.read(&text);
             if corrected.is_certain() && differs_once(&first, &corrected) {
-                return Some(corrected);
+                return Some((text, corrected));
             }
             // The labeling service may know the name. It takes the place of a known one.
             let has_article = tail.first().is_some_and(|t| matches!(t.text.as_str(), "the" | "my" | "this" | "that"));
             let is_whole = corrected.not_understood.is_empty() && corrected.unknown == 1 && first.unknown == 0;
             let is_name = has_article && is_whole;
             if is_name && named.is_none() && differs_once(&first, &corrected) {
-                named = Some(corrected);
+                named = Some((text, corrected));
             }
         }
     }
@@ -123,7 +134,7 @@ fn parts(tokens: &[Token]) -> Option<(&[Token], &[Token])> {
 }
 
 /// Whether both have the same acts in the same order, and one clause has another meaning.
-fn differs_once(first: &Sentence, corrected: &Sentence) -> bool {
+pub(super) fn differs_once(first: &Sentence, corrected: &Sentence) -> bool {
     let acts = |s: &Sentence| s.clauses.iter().map(Clause::act).collect::<Vec<_>>();
     let meaning = |c: &Clause| Clause { words: String::new(), ..c.clone() };
     acts(first) == acts(corrected)
