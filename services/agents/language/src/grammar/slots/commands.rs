@@ -46,7 +46,11 @@ const COMMANDS: [Command; 18] = [
         sentence: select,
     },
     Command { needs: &[Lock, Unlock], allows: &[&[Set, Except, And]], sentence: lock },
-    Command { needs: &[Nearer, Farther, Frame], allows: &[&STEPS, &[Set, View, Show, And, Back]], sentence: zoom },
+    Command {
+        needs: &[Nearer, Farther, Frame],
+        allows: &[&STEPS, &[Set, View, Show, And, Back, Hide]],
+        sentence: zoom,
+    },
     Command { needs: &[Rotate, View], allows: &[&WAYS, &[Set, Degrees, By, Show, Slightly]], sentence: turn },
     Command {
         needs: &[Opacity, Transparency, Opaque, Transparent, Faint, Fade],

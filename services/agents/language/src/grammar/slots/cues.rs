@@ -245,7 +245,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (Back, "back"),
     (
         View,
-        "view | camera | eye | viewpoint | vantage point | perspective | angle | projection | look at | see from | \
+        "view | camera | move the camera | move camera | move the eye | move the view | eye | viewpoint | vantage point | perspective | angle | projection | look at | see from | \
          looking | look from | view from | viewed | seen from | point of view | standpoint | position | screen | frontal",
     ),
     (
