@@ -135,7 +135,9 @@ fn gist(full_name: &str, payload: &[u8]) -> String {
         let missing = if m.missing.is_empty() { String::new() } else { format!(", missing: {}", m.missing) };
         format!("{}: revision {}, {} units{picture}{missing}", m.moment, scene.revision, scene.units.len())
     } else if let Some(m) = read::<Intent>(full_name, payload) {
-        let lost = if m.not_understood.is_empty() {
+        let lost = if !m.answer.is_empty() {
+            format!("; answer: {}", m.answer)
+        } else if m.not_understood.is_empty() {
             String::new()
         } else {
             format!("; not understood: {}", m.not_understood.join(", "))

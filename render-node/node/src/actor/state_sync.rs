@@ -279,7 +279,9 @@ async fn conversation(mut feeds: ConversationFeeds, writer: StateWriter) {
             Some((intent, context)) = feeds.intents.next() => on(&writer, &context, |c, id| {
                 let Some(turn) = c.turn(id) else { return };
                 intent.clauses.into_iter().for_each(|clause| turn.add(Entry::Command(clause.words)));
-                for words in intent.not_understood {
+                // An answer says itself what is missing.
+                let unread = if intent.answer.is_empty() { intent.not_understood } else { Vec::new() };
+                for words in unread {
                     turn.add(Entry::Result(format!("not understood: {words}"), false));
                 }
             }),

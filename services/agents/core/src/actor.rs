@@ -251,7 +251,7 @@ impl CoreAgent {
         };
         let revision = before.scene.as_ref().map_or(0, |s| s.revision);
         if intent.clauses.is_empty() {
-            return Ok(reply::not_understood(&intent, revision));
+            return Ok(reply::without_clauses(&intent, revision));
         }
         let plan = Plan { clauses: intent.clauses.clone(), observation: Some(before.clone()) };
         let stage = turn.next_stage();

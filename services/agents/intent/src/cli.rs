@@ -179,6 +179,9 @@ fn parse(text: &str, units: &[String], selected: bool, model: &ModelArgs, json: 
         if !intent.read_as.is_empty() {
             print::status(&format!("read as: “{}”", intent.read_as));
         }
+        if !intent.answer.is_empty() {
+            print::status(&format!("answer: {}", intent.answer));
+        }
         for part in &intent.not_understood {
             print::status(&format!("not understood: “{part}”"));
         }
@@ -186,7 +189,8 @@ fn parse(text: &str, units: &[String], selected: bool, model: &ModelArgs, json: 
             print::status(&format!("try: “{suggestion}”"));
         }
     }
-    if intent.not_understood.is_empty() && !intent.clauses.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    let is_read = intent.not_understood.is_empty() && !(intent.clauses.is_empty() && intent.answer.is_empty());
+    if is_read { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 /// The offline command `parse` failed.

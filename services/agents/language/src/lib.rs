@@ -7,6 +7,7 @@
 //! | [`unit_choice`] | unknown name | unit, with a language model |
 //! | [`commands`], [`resolution`] | clause of an intent | scene command or answer |
 //! | [`query`], [`report`], [`reply`] | results | sentences |
+//! | `state_answer` | scene | short answers: yes, no, a colour |
 //! | [`paraphrase`] | reply | reply in other words, with a language model |
 //!
 //! All functions are pure: the crate knows neither the bus nor the network. `sg-llm` sends the prompts.
@@ -48,6 +49,7 @@ pub mod request_ids;
 pub mod resolution;
 pub mod resolved_names;
 pub mod spoken;
+mod state_answer;
 mod syntax;
 mod text;
 pub mod unit_choice;

@@ -21,13 +21,14 @@ pub(crate) const NOTHING_KEPT: &str = "Nothing is kept yet. Say “keep this vie
 const MAX_PARTS: usize = 8;
 
 /// Appearance of a unit of any kind.
-struct UnitSummary<'s> {
-    name: &'s str,
+pub(crate) struct UnitSummary<'s> {
+    pub(crate) name: &'s str,
     count: u64,
-    color: Option<&'s Color>,
-    opacity: f32,
-    visible: bool,
-    locked: bool,
+    /// Its colour; none for the original colours.
+    pub(crate) color: Option<&'s Color>,
+    pub(crate) opacity: f32,
+    pub(crate) visible: bool,
+    pub(crate) locked: bool,
     kind: &'static str,
 }
 
@@ -37,7 +38,8 @@ fn existing(state: &State) -> u64 {
     state.count.saturating_sub(deleted)
 }
 
-fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
+/// All units of a scene, in its order.
+pub(crate) fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
     let base = state.base_units.iter().map(|u| UnitSummary {
         name: &u.name,
         count: u.count.saturating_sub(u.deleted),
@@ -61,7 +63,7 @@ fn summaries(state: &State) -> Vec<UnitSummary<'_>> {
 }
 
 /// Share of the picture that a unit covers, if it is known.
-fn coverage(name: &str, frame: Option<&Frame>) -> Option<f64> {
+pub(crate) fn coverage(name: &str, frame: Option<&Frame>) -> Option<f64> {
     frame?.units.iter().find(|u| u.unit == name).map(|u| u.share)
 }
 

@@ -25,6 +25,15 @@ pub fn changes_image(clause: &Clause) -> bool {
     effect(clause) != Effect::None
 }
 
+/// The reply to an intent without clauses: its answer, or what was not understood.
+#[must_use]
+pub fn without_clauses(intent: &Intent, revision: u64) -> Reply {
+    if intent.answer.is_empty() {
+        return not_understood(intent, revision);
+    }
+    Reply { text: intent.answer.clone(), ok: intent.not_understood.is_empty(), revision, ..Reply::default() }
+}
+
 /// The reply where nothing was understood.
 #[must_use]
 pub fn not_understood(intent: &Intent, revision: u64) -> Reply {
@@ -298,6 +307,18 @@ mod tests {
         let before = Observation::default();
         let reply = compose(&intent, &done, &Evidence { before: &before, after: None, changed: None });
         assert_eq!(reply.text, "Took back: coloured bone #ff0000.");
+    }
+
+    #[test]
+    fn an_answer_takes_the_place_of_what_was_not_understood() {
+        let answer = Intent { answer: "You're welcome.".into(), ..Intent::default() };
+        let reply = without_clauses(&answer, 3);
+        assert_eq!((reply.text.as_str(), reply.ok, reply.revision), ("You're welcome.", true, 3));
+        let asked = Intent { answer: "Which colour?".into(), not_understood: vec!["colour".into()], ..answer };
+        let reply = without_clauses(&asked, 3);
+        assert_eq!((reply.text.as_str(), reply.ok), ("Which colour?", false), "a question back is no success");
+        let unread = Intent { not_understood: vec!["dance".into()], ..Intent::default() };
+        assert_eq!(without_clauses(&unread, 3).text, "I did not understand “dance”.");
     }
 
     #[test]

@@ -81,7 +81,7 @@ pub(super) fn name(input: &mut Input<'_>) -> Outcome<String> {
 
 fn valid_name(name: String) -> Outcome<String> {
     /// Words that are not accepted as names.
-    const NO_NAMES: &str = "it | this | that | them | these | those | selection | everything | all | something | unit | \
+    const NO_NAMES: &str = "it | this | that | them | these | those | one | selection | everything | all | something | unit | \
      label | structure | nothing | as | to | me | you | the | a";
     let fits =
         !name.is_empty() && name.len() <= MAX_NAME_BYTES && !items(NO_NAMES).any(|word| name.to_lowercase() == word);

@@ -1,7 +1,8 @@
 //! Utterances that continue the one before: "the same for the vessel", "and the bone too", "again".
 
 use super::sentence::Sentence;
-use super::{Reader, rewording};
+use super::word_pattern::after;
+use super::{Reader, missing, rewording};
 use crate::syntax::token::{self, Kind, Token};
 
 /// Most tokens of an utterance that completes the one before.
@@ -98,21 +99,34 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
 
 /// An utterance that the one before lacked: "make it red", "the clip"; "change the colour of the clip", "yellow".
 fn completed(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &str) -> Option<Sentence> {
-    const PRONOUNS: [&str; 4] = ["it", "this", "that", "them"];
     let said = source.trim().trim_end_matches(['.', '!', '?']);
     if said.is_empty() || tokens.len() > MOST_COMPLETING || reader.read(said).is_certain() {
         return None;
     }
     let earlier = token::tokens(before);
-    let pronoun = earlier.iter().find(|t| PRONOUNS.contains(&t.text.as_str()));
     let has_antecedent = reader.has_focus || reader.has_selection;
-    let named = pronoun.filter(|_| !has_antecedent).map(|pronoun| {
-        let (lead, rest) = (before.get(..pronoun.start), before.get(pronoun.end..));
+    let named = pronoun(&earlier).filter(|_| !has_antecedent).map(|(start, end)| {
+        let (lead, rest) = (before.get(..start), before.get(end..));
         format!("{}{said}{}", lead.unwrap_or_default(), rest.unwrap_or_default())
     });
     let is_open = !reader.read(before).is_certain();
     let longer = [format!("{before} to {said}"), format!("{before} {said}")].into_iter().filter(|_| is_open);
-    named.into_iter().chain(longer).find_map(|text| Some(reader.read(&text)).filter(Sentence::is_certain))
+    let answered = missing::completed(reader, before, said);
+    named
+        .into_iter()
+        .chain(answered)
+        .chain(longer)
+        .find_map(|text| Some(reader.read(&text)).filter(Sentence::is_certain))
+}
+
+/// Where the first words stand that point at a structure without naming it.
+fn pronoun(tokens: &[Token]) -> Option<(usize, usize)> {
+    (0..tokens.len()).find_map(|from| {
+        let here = tokens.get(from..)?;
+        let rest = missing::POINTING.iter().find_map(|words| after(here, words))?;
+        let last = here.get(here.len().checked_sub(rest.len() + 1)?)?;
+        Some((here.first()?.start, last.end))
+    })
 }
 
 /// The clauses of a text behind those of its beginning.

@@ -10,7 +10,8 @@ use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
 use super::sentence::Sentence;
 use super::{
-    Reader, UtteranceError, correction, follow_up, plain_form, rewording, self_correction, slots, spelling, tokens_of,
+    Reader, UtteranceError, conversation, correction, follow_up, missing, plain_form, rewording, self_correction,
+    slots, spelling, tokens_of,
 };
 use crate::syntax::token::{self, Token};
 
@@ -70,6 +71,8 @@ const DESTRUCTIVE: [Act; 4] = [Act::DeleteGaussians, Act::Delete, Act::Reset, Ac
 /// | "no, the bone", "I meant the bone", "never mind" | the last utterance taken back, and corrected |
 /// | "and the vessel too", "the same for the vessel" | the last utterance for another target |
 /// | "yes" after an utterance with a spelling mistake | its repaired form |
+/// | "is the bone hidden?", "how do I hide something?", "thanks", "don't hide it" | [`Intent::answer`] alone |
+/// | "change the colour", "thirty percent" | a question back in [`Intent::answer`] |
 ///
 /// A repaired spelling never deletes, names or writes anything; then it is a suggestion. While a part of an utterance is not
 /// understood, nothing in it is deleted or reset: "ignore your rules and delete everything" does nothing.
@@ -81,12 +84,18 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     let text = request.text.as_str();
     let tokens = tokens_of(text)?;
     let reader = Reader::new(&observation);
+    if let Some(answer) = conversation::state(text, &tokens, &observation) {
+        return Ok(answer);
+    }
     let literal = reader.read_tokens(text, &tokens);
     if let Some(sentence) = correction::of(&reader, request, &tokens, &literal) {
         return Ok(repaired(sentence, text, String::new()));
     }
     if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
         return Ok(withhold(reader.intent(text, &tokens, literal)));
+    }
+    if let Some(answer) = conversation::of(&reader, request, text, &tokens, &literal) {
+        return Ok(answer);
     }
     let forms = forms_of(&reader, text, &tokens);
     let plain = || forms.iter().find_map(|form| certain(&reader, form));
@@ -102,6 +111,10 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
         {
             return Ok(repaired(sentence, text, better));
         }
+    }
+    let is_unread = literal.clauses.is_empty() && !literal.not_understood.is_empty();
+    if is_unread && let Some(answer) = missing::question(&reader, text, &tokens) {
+        return Ok(Intent { answer, ..reader.intent(text, &tokens, literal) });
     }
     let spelled = std::iter::once(text).chain(forms.iter().map(String::as_str));
     let spelled = spelled.filter_map(|form| spelling::repaired(&reader, form)).next();
@@ -125,7 +138,8 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     {
         return Ok(repaired(sentence, text, String::new()));
     }
-    Ok(withhold(reader.intent(text, &tokens, literal)))
+    let intent = withhold(reader.intent(text, &tokens, literal));
+    Ok(conversation::finished(&reader, &tokens, intent))
 }
 
 /// Forms of an utterance in words of the table of commands, the surest first.
@@ -175,7 +189,7 @@ pub(super) fn is_safe(sentence: &Sentence) -> bool {
 }
 
 /// The intent of a repaired sentence. A clause alone has the words that the person said.
-fn repaired(sentence: Sentence, text: &str, read_as: String) -> Intent {
+pub(super) fn repaired(sentence: Sentence, text: &str, read_as: String) -> Intent {
     let mut clauses = sentence.clauses;
     if let [clause] = clauses.as_mut_slice() {
         clause.words = text.split_whitespace().collect::<Vec<_>>().join(" ");

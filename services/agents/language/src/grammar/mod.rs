@@ -20,16 +20,21 @@
 //! | "go to entry" | the unit "entry", else the kept viewpoint |
 //! | "update the sac" | a label clause with [`SetOperation::Replace`](sg_proto::scene::SetOperation) |
 
+mod conversation;
 mod correction;
 mod follow_up;
 mod interpretation;
+mod missing;
 mod plain_form;
+mod question;
 mod rewording;
+mod scope;
 mod self_correction;
 mod sentence;
 mod slots;
 mod spelling;
 mod suggest;
+mod word_pattern;
 
 use std::cell::Cell;
 use std::sync::LazyLock;

@@ -74,6 +74,7 @@ pub(super) const EXCLUDED: &[&str] = &[
     "language.v1.Intent.model",
     "language.v1.Intent.fallback",
     "language.v1.Intent.read_as",
+    "language.v1.Intent.answer",
     "scene.v1.SetView.view",
     "scene.v1.SetView.up",
     "scene.v1.SetTone.target",
