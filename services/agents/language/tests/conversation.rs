@@ -38,7 +38,11 @@ fn scene() -> State {
 }
 
 fn after(text: &str, before: &[(&str, &str)]) -> Intent {
-    let turn = |(said, answered): &(&str, &str)| Turn { utterance: (*said).to_owned(), reply: (*answered).to_owned() };
+    let turn = |(said, answered): &(&str, &str)| Turn {
+        utterance: (*said).to_owned(),
+        reply: (*answered).to_owned(),
+        ..Turn::default()
+    };
     let request = IntentRequest {
         text: text.to_owned(),
         observation: Some(Observation { scene: Some(scene()), ..Observation::default() }),
@@ -199,7 +203,7 @@ fn a_missing_piece_is_asked_for() {
         ("rename the clip", "What should the clip be called?"),
         ("hide one of them", "Which structure should I hide: vessels, bone, tissue, sac or clip?"),
     ] {
-        assert_eq!(refused(said), question, "“{said}”");
+        assert_eq!(refused(said), question, "“{said}”: {:?}", interpret(said));
     }
 }
 

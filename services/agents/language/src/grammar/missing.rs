@@ -183,7 +183,9 @@ fn gap(reader: &Reader<'_>, source: &str, tokens: &[Token]) -> Option<Gap> {
         object => Gap::Value(value, text_of(source, object).to_owned()),
     };
     let named = |(pattern, value): &(&str, Value)| {
-        matched(said, pattern).filter(|object| may_be_name(object)).map(|object| of(object, *value))
+        // "Bone" is a colour as well.
+        let is_name = |object: &&[Token]| may_be_name(object) || is_known(reader, source, object);
+        matched(said, pattern).filter(is_name).map(|object| of(object, *value))
     };
     let alone = |(pattern, value): &(&str, Value)| {
         let is_structure =

@@ -104,14 +104,15 @@ static VERBS: LazyLock<BTreeMap<String, BTreeSet<usize>>> = LazyLock::new(|| {
     verbs
 });
 
+/// Whether some words have a name.
+fn is_mentioned(name: &str, said: &[Token]) -> bool {
+    let lemmas = token::normalized_name(name);
+    !lemmas.is_empty() && said.windows(lemmas.len()).any(|here| here.iter().zip(&lemmas).all(|(t, l)| t.lemma == *l))
+}
+
 /// The names, those that some words mention first.
 fn mentioned_first<'n>(names: &[&'n str], said: &[Token]) -> Vec<&'n str> {
-    let is_said = |name: &str| {
-        let lemmas = token::normalized_name(name);
-        !lemmas.is_empty()
-            && said.windows(lemmas.len()).any(|here| here.iter().zip(&lemmas).all(|(t, l)| t.lemma == *l))
-    };
-    let (mut first, rest): (Vec<&str>, Vec<&str>) = names.iter().copied().partition(|name| is_said(name));
+    let (mut first, rest): (Vec<&str>, Vec<&str>) = names.iter().copied().partition(|name| is_mentioned(name, said));
     first.extend(rest);
     first
 }
@@ -135,13 +136,16 @@ pub(super) fn examples(not_understood: &[String], names: &[&str]) -> Vec<String>
 fn scored(said: &[Token], names: &[&str], is_wanted: impl Fn(&Command) -> bool) -> Vec<String> {
     let lemmas: BTreeSet<&str> = said.iter().filter(|t| scope::is_content(t)).map(|t| t.lemma.as_str()).collect();
     let mut scored: Vec<(usize, &str)> = Vec::new();
+    let has_name = names.iter().any(|name| is_mentioned(name, said));
     for (place, entry) in TABLE.iter().enumerate() {
         let has_verb = lemmas.iter().any(|lemma| VERBS.get(*lemma).is_some_and(|places| places.contains(&place)));
         let of_entry = VERB_WEIGHT * usize::from(has_verb) + usize::from(is_wanted(entry));
         for example in entry.examples.iter().filter(|example| !may_be_refused(entry, example)) {
             let shared = token::tokens(example).iter().filter(|t| lemmas.contains(t.lemma.as_str())).count();
+            // A sentence about a structure is answered by one about a structure.
+            let of_name = usize::from(has_name && example.contains("{unit}"));
             if of_entry + shared > 0 {
-                scored.push((of_entry + shared, example));
+                scored.push((of_entry + shared + of_name, example));
             }
         }
     }

@@ -271,7 +271,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     ),
     (
         Best,
-        "best view | best side | best angle | best seen | seen best | best | as well as possible | as good as possible | \
+        "best view | best side | best angle | where nothing is in the way | where nothing is in the way of | to where nothing is in the way of | best seen | seen best | best | as well as possible | as good as possible | \
          most favourable | most favorable | optimal | ideal | most informative | least hidden | occluded as little | \
          hidden as little | unobstructed | nothing in the way | nothing is in the way | nothing in the way of | \
          nothing is in the way of | as little as possible | most visible | clearest view | clearest | see best | wherever | \
