@@ -331,3 +331,14 @@ fn costs_of_interpretation() {
     }
     assert_eq!(milliseconds.len(), 11);
 }
+
+#[test]
+fn slips_of_the_hand_meet_other_forms() {
+    for (said, plain) in [
+        ("zooom in plz", "zoom in"),
+        ("sac yelow plase", "make the sac yellow"),
+        ("interesting. Make the sac red and lock it.", "make the sac red and lock it"),
+    ] {
+        means(said, &[], plain);
+    }
+}

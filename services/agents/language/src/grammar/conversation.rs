@@ -2,7 +2,7 @@
 
 use sg_proto::language::{Act, Clause, Intent, IntentRequest, Observation};
 
-use super::interpretation::repaired;
+use super::forms::repaired;
 use super::sentence::Sentence;
 use super::word_pattern::{after, after_any, core, matched, matches_any, words};
 use super::{Reader, interpret, question, scope, suggest};

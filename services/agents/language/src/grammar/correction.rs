@@ -6,9 +6,9 @@
 use sg_proto::language::{Act, Clause, IntentRequest, Reference, Turn, movement};
 use sg_proto::scene::{SetView, State, set_view};
 
-use super::interpretation::is_safe;
+use super::forms::{self, is_safe};
 use super::sentence::Sentence;
-use super::{Reader, rewording, self_correction, spelling};
+use super::{Reader, self_correction, spelling};
 use crate::syntax::token::{self, Kind, Token, begins_with, text_of};
 
 /// Longest correction, and longest utterance that one is about, tokens.
@@ -239,7 +239,7 @@ fn amounts_to(reader: &Reader<'_>, turns: &[Turn]) -> Option<String> {
     }
     let before = || corrected(reader, earlier, text, &tokens).map(|(text, _)| text);
     let within = || self_correction::corrected(reader, text, &tokens).map(|(text, _)| text);
-    let plain = || rewording::of(text, &tokens).into_iter().find(|form| reader.read(form).is_certain());
+    let plain = || forms::of(reader, text, &tokens).into_iter().find(|form| reader.read(form).is_certain());
     let spelled = || spelling::repaired(reader, text).map(|(text, _)| text);
     Some(before().or_else(within).or_else(plain).or_else(spelled).unwrap_or_else(|| text.to_owned()))
 }

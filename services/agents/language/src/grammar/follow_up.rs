@@ -1,8 +1,9 @@
 //! Utterances that continue the one before: "the same for the vessel", "and the bone too", "again".
 
+use super::forms::{self, understood};
 use super::sentence::Sentence;
 use super::word_pattern::after;
-use super::{Reader, missing, rewording};
+use super::{Reader, missing};
 use crate::syntax::token::{self, Kind, Token};
 
 /// Most tokens of an utterance that completes the one before.
@@ -69,11 +70,11 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
         return Some(completed);
     }
     // The one before may have been understood in another form.
-    let forms = || rewording::of(before, &token::tokens(before));
-    let is_certain = |text: &String| reader.read(text).is_certain();
-    let before =
-        std::iter::once(before.to_owned()).filter(is_certain).chain(forms().into_iter().filter(is_certain)).next()?;
-    let before = before.as_str();
+    let mut forms = vec![before.to_owned()];
+    forms.extend(forms::of(reader, before, &token::tokens(before)));
+    let certain = || forms.iter().find(|text| reader.read(text).is_certain());
+    // The labeling service may have known its name.
+    let before = certain().or_else(|| forms.iter().find(|text| understood(reader, text).is_some()))?.as_str();
     let last = reader.read(before);
     let words: Vec<&str> = tokens.iter().filter(|t| t.kind != Kind::Mark('.')).map(|t| t.text.as_str()).collect();
     let said = words.join(" ");
@@ -88,13 +89,15 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
     let opening =
         SAME_FOR.iter().find(|opening| lower.strip_prefix(**opening).is_some_and(|rest| rest.starts_with(' ')));
     let object = opening.map_or(object, |opening| object.get(opening.len()..).unwrap_or(object)).trim();
-    let same = continued(reader, &format!("{before} and the same for {object}"), &last);
-    let also = continued(reader, &format!("{before} and {object}"), &last);
+    let texts = [format!("{before} and the same for {object}"), format!("{before} and {object}")];
+    let [same, also] = texts.each_ref().map(|text| continued(reader, text, &last));
+    let same = same.filter(Sentence::is_certain);
     if opening.is_some() || ending.is_some() {
-        return same.or(also);
+        let [named, _] = texts.map(|text| continued(reader, &text, &last));
+        return same.or(also.filter(Sentence::is_certain)).or(named);
     }
     // A name alone could mean anything; a value alone belongs to the last target.
-    also.filter(|_| same.is_none())
+    also.filter(|also| same.is_none() && also.is_certain())
 }
 
 /// An utterance that the one before lacked: "make it red", "the clip"; "change the colour of the clip", "yellow".
@@ -129,9 +132,10 @@ fn pronoun(tokens: &[Token]) -> Option<(usize, usize)> {
     })
 }
 
-/// The clauses of a text behind those of its beginning.
+/// The clauses of a text behind those of its beginning, which may have names that the labeling service has to know.
 fn continued(reader: &Reader<'_>, text: &str, last: &Sentence) -> Option<Sentence> {
-    let whole = Some(reader.read(text)).filter(Sentence::is_certain)?;
+    let whole = understood(reader, text)?;
     let rest = whole.clauses.strip_prefix(last.clauses.as_slice()).filter(|rest| !rest.is_empty())?;
-    Some(Sentence { clauses: rest.to_vec(), ..Sentence::default() })
+    let unknown = whole.unknown.saturating_sub(last.unknown);
+    Some(Sentence { clauses: rest.to_vec(), unknown, ..Sentence::default() })
 }

@@ -4,54 +4,22 @@
 //! The literal reading comes first, and an understood one is final. A repair counts only if every part of it is understood
 //! with known names. So a repair never changes the meaning of an utterance that has one.
 
-use std::collections::HashSet;
-
 use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
+use super::forms::{self, MOST_UNKNOWN, certain, is_safe, repaired, understood};
 use super::sentence::Sentence;
 use super::{
-    Reader, UtteranceError, conversation, correction, follow_up, missing, plain_form, rewording, self_correction,
-    slots, spelling, tokens_of,
+    Reader, UtteranceError, conversation, correction, follow_up, missing, plain_form, self_correction, spelling,
+    tokens_of,
 };
+use crate::color;
 use crate::syntax::token::{self, Token};
 
 /// Longest utterance that is repaired, tokens. People say longer ones in parts.
 const MAX_REPAIRED_TOKENS: usize = 40;
 
-/// Most names of a reworded utterance that no unit has.
-const MOST_UNKNOWN: usize = 2;
-
 /// Most parts of an utterance that are read each on its own.
 const MOST_PARTS: usize = 6;
-
-/// Acts that a repaired spelling may mean at once: a look tells their effect, and one undo takes it back.
-const SAFE: [Act; 25] = [
-    Act::SetColor,
-    Act::SetOpacity,
-    Act::Show,
-    Act::Hide,
-    Act::ShowOnly,
-    Act::SetLight,
-    Act::SetBackground,
-    Act::SetView,
-    Act::BestView,
-    Act::Tour,
-    Act::SetTerm,
-    Act::Select,
-    Act::ClearSelection,
-    Act::TakeAnswer,
-    Act::Transform,
-    Act::SetTone,
-    Act::AdjustTransferFunction,
-    Act::ResetTransferFunction,
-    Act::Lock,
-    Act::List,
-    Act::ListViews,
-    Act::QuerySelection,
-    Act::Describe,
-    Act::Help,
-    Act::Unlock,
-];
 
 /// Acts that wait while a part of their utterance is not understood.
 const DESTRUCTIVE: [Act; 4] = [Act::DeleteGaussians, Act::Delete, Act::Reset, Act::ForgetView];
@@ -97,7 +65,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if let Some(answer) = conversation::of(&reader, request, text, &tokens, &literal) {
         return Ok(answer);
     }
-    let forms = forms_of(&reader, text, &tokens);
+    let forms = forms::of(&reader, text, &tokens);
     let plain = || forms.iter().find_map(|form| certain(&reader, form));
     if let Some(sentence) = self_correction::of(&reader, text, &tokens).or_else(plain) {
         return Ok(repaired(sentence, text, String::new()));
@@ -116,8 +84,8 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if is_unread && let Some(answer) = missing::question(&reader, text, &tokens) {
         return Ok(Intent { answer, ..reader.intent(text, &tokens, literal) });
     }
-    let spelled = std::iter::once(text).chain(forms.iter().map(String::as_str));
-    let spelled = spelled.filter_map(|form| spelling::repaired(&reader, form)).next();
+    let with_forms = || std::iter::once(text).chain(forms.iter().map(String::as_str));
+    let spelled = with_forms().find_map(|form| spelling::repaired(&reader, form));
     if let Some((better, sentence)) = spelled.filter(|(_, sentence)| is_safe(sentence)) {
         return Ok(repaired(sentence, text, better));
     }
@@ -132,26 +100,28 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
         return Ok(repaired(sentence, text, better));
     }
     // The labeling service may know a name that no unit has. A form that is understood but for such names is better than none.
-    if !literal.not_understood.is_empty()
-        && let Some(sentence) =
-            forms.iter().find_map(|form| understood(&reader, form)).or_else(|| by_parts(&reader, text, &tokens))
+    if !literal.not_understood.is_empty() {
+        let named = || forms.iter().find_map(|form| understood(&reader, form));
+        if let Some(sentence) = named().or_else(|| by_parts(&reader, text, &tokens)) {
+            return Ok(repaired(sentence, text, String::new()));
+        }
+        let readings = |form: &str| {
+            let forms = forms::of(&reader, form, &token::tokens(form));
+            let all = || std::iter::once(form).chain(forms.iter().map(String::as_str));
+            all()
+                .find_map(|form| certain(&reader, form).filter(is_safe))
+                .or_else(|| all().find_map(|form| understood(&reader, form)))
+        };
+        if let Some((better, sentence)) = spelling::respelled(&reader, text, readings) {
+            return Ok(repaired(sentence, text, better));
+        }
+    } else if takes_color_as_name(&literal)
+        && let Some(sentence) = by_parts(&reader, text, &tokens)
     {
         return Ok(repaired(sentence, text, String::new()));
     }
     let intent = withhold(reader.intent(text, &tokens, literal));
     Ok(conversation::finished(&reader, &tokens, intent))
-}
-
-/// Forms of an utterance in words of the table of commands, the surest first.
-fn forms_of(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Vec<String> {
-    let mut forms = rewording::of(text, tokens);
-    let by_slots = |form: &str| slots::of(reader, form, &token::tokens(form));
-    let commands: Vec<String> =
-        std::iter::once(text).chain(forms.iter().map(String::as_str)).filter_map(by_slots).collect();
-    forms.extend(commands);
-    let mut seen = HashSet::new();
-    forms.retain(|form| seen.insert(form.clone()));
-    forms
 }
 
 /// The clauses of an utterance whose parts are all understood, each in some form: "bone at 15 %, tissue off, white background".
@@ -161,40 +131,25 @@ fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentenc
         return None;
     }
     let mut whole = Sentence::default();
-    for part in parts {
-        let forms = forms_of(reader, &part, &token::tokens(&part));
+    // "Interesting. Make it red."
+    for part in parts.into_iter().filter(|part| !plain_form::is_remark(part)) {
+        let forms = forms::of(reader, &part, &token::tokens(&part));
         let all = || std::iter::once(part.as_str()).chain(forms.iter().map(String::as_str));
         let known = all().find_map(|form| certain(reader, form).filter(is_safe));
         let sentence = known.or_else(|| all().find_map(|form| understood(reader, form)))?;
         whole.clauses.extend(sentence.clauses.into_iter().map(|clause| Clause { words: part.clone(), ..clause }));
         whole.unknown += sentence.unknown;
     }
-    (whole.unknown <= MOST_UNKNOWN).then_some(whole)
+    (whole.unknown <= MOST_UNKNOWN && !whole.clauses.is_empty()).then_some(whole)
 }
 
-/// The reading of a text that has a meaning but for names, and can be taken back.
-fn understood(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
-    let is_whole = |sentence: &Sentence| {
-        sentence.not_understood.is_empty() && !sentence.clauses.is_empty() && sentence.unknown <= MOST_UNKNOWN
+/// Whether a name that no unit has ends with a colour: "aneurysm red, clip white" names no "aneurysm red".
+fn takes_color_as_name(sentence: &Sentence) -> bool {
+    let ends_with_color = |name: &String| {
+        name.split_whitespace().count() > 1 && name.split_whitespace().next_back().is_some_and(color::is_word)
     };
-    Some(reader.read(text)).filter(is_whole).filter(is_safe)
-}
-
-fn certain(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
-    Some(reader.read(text)).filter(Sentence::is_certain)
-}
-
-pub(super) fn is_safe(sentence: &Sentence) -> bool {
-    sentence.clauses.iter().all(|clause| SAFE.contains(&clause.act()))
-}
-
-/// The intent of a repaired sentence. A clause alone has the words that the person said.
-pub(super) fn repaired(sentence: Sentence, text: &str, read_as: String) -> Intent {
-    let mut clauses = sentence.clauses;
-    if let [clause] = clauses.as_mut_slice() {
-        clause.words = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    }
-    Intent { clauses, read_as, backend: super::NAME.to_owned(), ..Intent::default() }
+    let names = sentence.clauses.iter().filter_map(|clause| clause.target.as_ref()).flat_map(|t| &t.names);
+    sentence.unknown > 0 && names.into_iter().any(ends_with_color)
 }
 
 /// Without the clauses that delete, if a part of the utterance is not understood.

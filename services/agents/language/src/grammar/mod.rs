@@ -23,6 +23,7 @@
 mod conversation;
 mod correction;
 mod follow_up;
+mod forms;
 mod interpretation;
 mod missing;
 mod plain_form;

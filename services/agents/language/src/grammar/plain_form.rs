@@ -3,8 +3,8 @@
 mod phrases;
 
 use self::phrases::{
-    AMOUNT_WORDS, AMOUNTS, APART, BECOMES, HOMOPHONES, INTERESTS, LEADS, MODALS, REMARKS, SOFTENERS, STATES, TAILS,
-    TRANSPARENCIES, WISHES,
+    AMOUNT_WORDS, AMOUNTS, APART, BECOMES, HOMOPHONES, INTERESTS, LEADS, MODALS, OPINIONS, REMARKS, SOFTENERS, STATES,
+    TAILS, TRANSPARENCIES, WISHES,
 };
 use crate::color;
 use crate::syntax::token::{Kind, Token, begins_with, text_of};
@@ -280,6 +280,12 @@ pub(super) fn parts(source: &str, tokens: &[Token]) -> Vec<String> {
     };
     let parts = core(tokens).split(is_break).map(core).filter(|part| !part.is_empty());
     parts.map(|part| text_of(source, part).to_owned()).collect()
+}
+
+/// Whether a part of an utterance only says what somebody thinks: "interesting", "much better".
+pub(super) fn is_remark(part: &str) -> bool {
+    let mut words = part.split_whitespace().map(str::to_lowercase).peekable();
+    words.peek().is_some() && words.all(|word| OPINIONS.contains(&word.as_str()))
 }
 
 /// "The metal thing is in my way, hide it" as "hide the metal thing".

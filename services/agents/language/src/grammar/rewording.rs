@@ -48,7 +48,7 @@ const PURPOSES: [&[&str]; 36] = [
 ];
 
 /// Beginnings and ends of an utterance about X, and the command in their place.
-const FRAMES: [(&[&str], &[&str], &str); 39] = [
+const FRAMES: [(&[&str], &[&str], &str); 44] = [
     (&["i", "don't", "want", "to", "see"], &[], "hide X"),
     (&["i", "dont", "want", "to", "see"], &[], "hide X"),
     (&["i", "do", "not", "want", "to", "see"], &[], "hide X"),
@@ -82,6 +82,11 @@ const FRAMES: [(&[&str], &[&str], &str); 39] = [
     (&["where", "is"], &[], "frame X"),
     (&["where", "are"], &[], "frame X"),
     (&["spin"], &[], "rotate X"),
+    (&["which", "one", "is"], &[], "what is X"),
+    (&["what", "is", "that"], &[], "what is the X"),
+    (&["what", "'s", "that"], &[], "what is the X"),
+    (&["what", "is", "this"], &[], "what is the X"),
+    (&["which", "is"], &[], "what is X"),
     (&["add"], &[], "add X to the selection"),
     (&["now", "without"], &[], "remove X from the selection"),
     (&["replace", "the", "selection", "by"], &[], "select X"),
@@ -94,7 +99,7 @@ const FRAMES: [(&[&str], &[&str], &str); 39] = [
 const MOST_BEFORE: usize = 3;
 
 /// Whole utterances, and the command in their place.
-const WHOLE: [(&str, &str); 16] = [
+const WHOLE: [(&str, &str); 29] = [
     ("too dark", "make it brighter"),
     ("it's too dark", "make it brighter"),
     ("it is too dark", "make it brighter"),
@@ -111,6 +116,19 @@ const WHOLE: [(&str, &str); 16] = [
     ("not what i wanted", "undo"),
     ("cancel that", "undo"),
     ("select what is not selected", "invert the selection"),
+    ("drop my selection", "clear the selection"),
+    ("drop the selection", "clear the selection"),
+    ("lose the selection", "clear the selection"),
+    ("kill the selection", "clear the selection"),
+    ("forget the selection", "clear the selection"),
+    ("hold it there", "pause the tour"),
+    ("hold on", "pause the tour"),
+    ("stay here", "pause the tour"),
+    ("wait here", "pause the tour"),
+    ("stop here", "pause the tour"),
+    ("restore the deleted stuff", "restore everything deleted"),
+    ("restore the deleted parts", "restore everything deleted"),
+    ("bring back what i deleted", "restore everything deleted"),
 ];
 
 /// Forms of the utterance, the surest first. None of them has to be understood.
@@ -137,6 +155,7 @@ pub(super) fn of(source: &str, tokens: &[Token]) -> Vec<String> {
 fn simple(source: &str, tokens: &[Token]) -> Vec<String> {
     let forms = [
         whole(tokens),
+        named_as(source, tokens),
         asked(source, tokens),
         assigned(source, tokens),
         share_last(source, tokens),
@@ -185,6 +204,47 @@ fn spoken(tokens: &[Token]) -> Vec<String> {
 fn whole(tokens: &[Token]) -> Option<String> {
     let said = spoken(tokens).join(" ").replace(" '", "'");
     WHOLE.iter().find(|(whole, _)| *whole == said).map(|(_, command)| (*command).to_owned())
+}
+
+/// "Store the selected part under the name loop" as "save the selection as loop", "the clip, it shall be called staple" as "rename the clip
+/// to staple".
+fn named_as(source: &str, tokens: &[Token]) -> Option<String> {
+    const NAMING: [&[&str]; 14] = [
+        &["under", "the", "name"],
+        &["under", "name"],
+        &["with", "the", "name"],
+        &["by", "the", "name", "of"],
+        &["and", "call", "it"],
+        &["and", "name", "it"],
+        &["and", "label", "it"],
+        &["it", "shall", "be", "called"],
+        &["it", "should", "be", "called"],
+        &["let", "'s", "call", "it"],
+        &["please", "label", "it"],
+        &["name", ":"],
+        &["label", ":"],
+        &["call", "it"],
+    ];
+    const VIEWS: [&str; 6] = ["view", "viewpoint", "angle", "camera", "perspective", "position"];
+    const SELECTED: [&str; 9] =
+        ["selection", "selected", "brushed", "marked", "painted", "highlighted", "picked", "piece", "region"];
+    let place = |words: &&[&str]| {
+        let from = (0..tokens.len()).find(|from| tokens.get(*from..).is_some_and(|rest| begins_with(rest, words)))?;
+        Some((from, from + words.len()))
+    };
+    let (from, to) = NAMING.iter().filter_map(place).min_by_key(|(from, to)| (*from, std::cmp::Reverse(*to)))?;
+    let end = tokens.iter().rposition(|t| !matches!(t.kind, Kind::Mark(_)) && t.text != "please")? + 1;
+    let (head, name) = (tokens.get(..from)?, text_of(source, tokens.get(to..end)?));
+    let has = |words: &[&str]| head.iter().any(|t| words.contains(&t.text.as_str()));
+    if name.is_empty() {
+        None
+    } else if has(&VIEWS) {
+        Some(format!("save this view as {name}"))
+    } else if head.is_empty() || has(&SELECTED) {
+        Some(format!("save the selection as {name}"))
+    } else {
+        None
+    }
 }
 
 /// "I don't want to see the skin" as "hide the skin".
@@ -313,6 +373,11 @@ mod tests {
             ("skin at 40 percent", "set the opacity of skin to 40 percent"),
             ("skin 40%", "set the opacity of skin to 40%"),
             ("more transparent", "make it more transparent"),
+            ("store the selected part under name loop", "save the selection as loop"),
+            ("Store current viewpoint, name: pterional", "save this view as pterional"),
+            ("What I brushed there is the carotid. Please label it carotid.", "save the selection as carotid"),
+            ("label: branch1", "save the selection as branch1"),
+            ("which one is the sac?", "what is the sac"),
             ("It\u{2019}s too dark!", "make it brighter"),
             ("make the sac red but keep the vessel as it is", "make the sac red"),
         ] {

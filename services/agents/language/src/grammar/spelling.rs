@@ -15,9 +15,41 @@ const MOST: [usize; 2] = [3, 4];
 /// Most letters that a spelling has more or fewer than the word.
 const MOST_LONGER: usize = 2;
 
+/// Most ways of spelling that are read in all their forms.
+const MOST_READ: usize = 8;
+
 /// The utterance with its misspelt words repaired, and its reading. `None` if no way of spelling is understood, or if two are
 /// that mean different things.
 pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sentence)> {
+    one_meaning(spellings(reader, text), |better| Some(reader.read(better)).filter(Sentence::is_certain))
+}
+
+/// As [`repaired`], for words that are understood in another form alone, or with a name that no unit has.
+pub(super) fn respelled(
+    reader: &Reader<'_>,
+    text: &str,
+    read: impl Fn(&str) -> Option<Sentence>,
+) -> Option<(String, Sentence)> {
+    let mut spellings = spellings(reader, text);
+    spellings.truncate(MOST_READ);
+    one_meaning(spellings, read)
+}
+
+/// The one meaning that some spellings have, with the first of them that has it.
+fn one_meaning(spellings: Vec<String>, read: impl Fn(&str) -> Option<Sentence>) -> Option<(String, Sentence)> {
+    let mut found: Option<(String, Sentence)> = None;
+    for better in spellings {
+        let Some(sentence) = read(&better) else { continue };
+        if found.as_ref().is_some_and(|(_, other)| meaning(other) != meaning(&sentence)) {
+            return None;
+        }
+        found.get_or_insert((better, sentence));
+    }
+    found
+}
+
+/// The ways to spell the misspelt words of an utterance. There are none if too many words are.
+fn spellings(reader: &Reader<'_>, text: &str) -> Vec<String> {
     let tokens = token::tokens(text);
     let vocabulary = suggest::vocabulary(&reader.known_names());
     let mut misspelt: Vec<(&Token, Vec<&str>)> = Vec::new();
@@ -31,27 +63,22 @@ pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sente
         }
     }
     if misspelt.is_empty() || misspelt.len() > MOST[0] {
-        return None;
+        return Vec::new();
     }
-    let mut found: Option<(String, Sentence)> = None;
     let choices: usize = misspelt.iter().map(|(_, words)| words.len()).product();
-    for choice in 0..choices {
-        let (mut better, mut done, mut left) = (String::new(), 0, choice);
-        for (token, words) in &misspelt {
-            better.push_str(text.get(done..token.start)?);
-            better.push_str(words.get(left % words.len())?);
-            (done, left) = (token.end, left / words.len());
-        }
-        better.push_str(text.get(done..)?);
-        let sentence = reader.read(&better);
-        if sentence.is_certain() {
-            if found.as_ref().is_some_and(|(_, other)| meaning(other) != meaning(&sentence)) {
-                return None;
-            }
-            found.get_or_insert((better, sentence));
-        }
+    (0..choices).filter_map(|choice| spelled(text, &misspelt, choice)).collect()
+}
+
+/// The text with one choice of the words for the misspelt ones.
+fn spelled(text: &str, misspelt: &[(&Token, Vec<&str>)], choice: usize) -> Option<String> {
+    let (mut better, mut done, mut left) = (String::new(), 0, choice);
+    for (token, words) in misspelt {
+        better.push_str(text.get(done..token.start)?);
+        better.push_str(words.get(left % words.len())?);
+        (done, left) = (token.end, left / words.len());
     }
-    found
+    better.push_str(text.get(done..)?);
+    Some(better)
 }
 
 /// The clauses without their words.

@@ -53,8 +53,28 @@ static TABLE_WORDS: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let phrases = TABLE
         .iter()
         .flat_map(|entry| entry.constructs.iter().flat_map(Construct::phrases).chain(entry.examples.iter().copied()));
-    phrases.flat_map(words).collect()
+    phrases.flat_map(words).chain(COLORS.into_iter().map(str::to_owned)).collect()
 });
+
+/// Colours whose misspelling is repaired.
+const COLORS: [&str; 16] = [
+    "red",
+    "orange",
+    "yellow",
+    "green",
+    "blue",
+    "purple",
+    "violet",
+    "pink",
+    "brown",
+    "white",
+    "black",
+    "grey",
+    "turquoise",
+    "magenta",
+    "cyan",
+    "beige",
+];
 
 /// The words of a phrase.
 fn words(phrase: &str) -> impl Iterator<Item = String> {

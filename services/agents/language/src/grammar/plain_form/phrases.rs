@@ -222,8 +222,45 @@ pub(super) const INTERESTS: [&str; 12] = [
     "look at",
 ];
 
+/// Words of an opinion about what is seen, which ask for nothing.
+pub(super) const OPINIONS: [&str; 33] = [
+    "interesting",
+    "nice",
+    "very",
+    "great",
+    "good",
+    "perfect",
+    "cool",
+    "ugly",
+    "hmm",
+    "hm",
+    "wow",
+    "better",
+    "much",
+    "beautiful",
+    "lovely",
+    "awesome",
+    "fine",
+    "thanks",
+    "thank",
+    "you",
+    "ok",
+    "okay",
+    "oh",
+    "ah",
+    "so",
+    "that",
+    "this",
+    "is",
+    "looks",
+    "it",
+    "right",
+    "alright",
+    "yes",
+];
+
 /// Words that recognizers and people write for others that sound alike, in commands.
-pub(super) const HOMOPHONES: [(&str, &str); 17] = [
+pub(super) const HOMOPHONES: [(&str, &str); 19] = [
     ("high", "hide"),
     ("hyde", "hide"),
     ("shoe", "show"),
@@ -241,14 +278,20 @@ pub(super) const HOMOPHONES: [(&str, &str); 17] = [
     ("pail", "pale"),
     ("loch", "lock"),
     ("tern", "turn"),
+    ("scull", "skull"),
+    ("plane", "plain"),
 ];
 
 /// Words that are written apart and mean one.
-pub(super) const APART: [(&str, &str); 6] = [
+pub(super) const APART: [(&str, &str); 10] = [
     ("back ground", "background"),
     ("head light", "headlight"),
     ("over view", "overview"),
     ("book mark", "bookmark"),
     ("screen shot", "screenshot"),
     ("see through", "see-through"),
+    ("annual rhythm", "aneurysm"),
+    ("a new rhythm", "aneurysm"),
+    ("and your ism", "aneurysm"),
+    ("any rhythm", "aneurysm"),
 ];

@@ -23,7 +23,7 @@ struct Command {
 }
 
 /// All commands. The first that fits is taken, so the more special ones come first.
-const COMMANDS: [Command; 18] = [
+const COMMANDS: [Command; 19] = [
     Command { needs: &[Deselect], allows: &[&[Set, Selection]], sentence: |s| s.alone("clear the selection") },
     Command { needs: &[Background], allows: &[&[Set, Paint, ColorNoun, View]], sentence: background },
     Command {
@@ -39,7 +39,7 @@ const COMMANDS: [Command; 18] = [
     Command { needs: &[Headlight], allows: &[&[Set, Back, Show, Light]], sentence: |s| s.alone("use a headlight") },
     Command { needs: &[Light], allows: &[&WAYS, &STEPS, &[Set, Bright, Dark, Show]], sentence: light },
     Command { needs: &[Best], allows: &[&[Set, View, Rotate, Show, Frame, Hide, Select]], sentence: best_view },
-    Command { needs: &[Initial], allows: &[&[Set, View, Back, Reset, Show]], sentence: |s| s.alone("reset the view") },
+    Command { needs: &[Initial], allows: &[&[Set, View, Back, Reset, Show]], sentence: initial },
     Command {
         needs: &[Select, Selection, Inverse, Add],
         allows: &[&[Set, Except, And, Show, Only, Swap]],
@@ -68,10 +68,12 @@ const COMMANDS: [Command; 18] = [
         allows: &[&[Set, And, Except]],
         sentence: |s| Some(format!("hide {}", s.target()?)).filter(|_| s.is_plain()),
     },
+    Command { needs: &[Show], allows: &[&[Set, And, Except, Back]], sentence: show },
+    // "Bring it back but at 40 percent". "Put it back" alone is about its place.
     Command {
-        needs: &[Show],
-        allows: &[&[Set, And, Except, Back]],
-        sentence: |s| Some(format!("show {}", s.target()?)).filter(|_| s.is_plain()),
+        needs: &[Back],
+        allows: &[&[Set, Except, Show]],
+        sentence: |s| if s.amounts.is_empty() { None } else { show(s) },
     },
     Command { needs: &[], allows: &[&[Set, Paint, ColorNoun, Swap, And, Except, By, Up, Down]], sentence: plain },
 ];
@@ -262,6 +264,20 @@ fn light(slots: &Slots) -> Option<String> {
     }
 }
 
+fn initial(slots: &Slots) -> Option<String> {
+    let resets_all = slots.has(Reset) && slots.everything;
+    slots.alone(if resets_all { "reset" } else { "reset the view" })
+}
+
+fn show(slots: &Slots) -> Option<String> {
+    let target = slots.target().filter(|_| slots.colors().is_empty())?;
+    if slots.amounts.is_empty() {
+        return Some(format!("show {target}"));
+    }
+    let share = share(slots.only_amount().filter(|amount| amount.is_share)?)?;
+    Some(format!("show {target} and set the opacity of {target} to {share}"))
+}
+
 fn best_view(slots: &Slots) -> Option<String> {
     if !slots.is_plain() || !slots.exceptions.is_empty() {
         return None;
@@ -317,8 +333,11 @@ fn turn(slots: &Slots) -> Option<String> {
     if !slots.colors().is_empty() || !slots.is_general() {
         return None;
     }
-    if slots.has(View) && slots.amounts.is_empty() {
-        return Some(format!("view from {}", slots.way("the top", "below")?));
+    let way = slots.way("the top", "below")?;
+    // The rear and the front are no directions to turn in.
+    let is_depth = matches!(way.as_str(), "behind" | "the front");
+    if (slots.has(View) || is_depth) && slots.amounts.is_empty() {
+        return Some(format!("view from {way}"));
     }
     let amount = slots.only_amount().filter(|a| !a.is_share && (slots.has(Degrees) || a.value > 1.0));
     let way = match slots.way("up", "down")?.as_str() {

@@ -250,7 +250,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     ),
     (
         Rotate,
-        "rotate | spin | orbit | tilt | roll | swing | pan | revolve | turn the head | turn the scene | turn the view",
+        "rotate | spin | orbit | turn round | turn around | turn it round | turn it around | go round | go around | tilt | roll | swing | pan | revolve | turn the head | turn the scene | turn the view",
     ),
     (Degrees, "degree | degrees | deg | °"),
     (
@@ -280,7 +280,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (
         Initial,
         "initial view | initial | original view | starting view | start view | default view | home view | home position | \
-         view we started with | view i started with | where we started | where i started | beginning | first view | \
+         how it was | to how it was | the way it was | as it was | when i started | when we started | view we started with | view i started with | where we started | where i started | beginning | first view | \
          at the start | at first | we began with | view at the start | started with",
     ),
     (
@@ -293,7 +293,10 @@ pub(super) const CUES: &[(Cue, &str)] = &[
          i want the selection to be | selection should be | tag | highlight",
     ),
     (Add, "add | include | append | extend"),
-    (Inverse, "not selected | unselected | isn't selected | is not selected"),
+    (
+        Inverse,
+        "other way round | the other way round | the other way around | invert | inverse | not selected | unselected | isn't selected | is not selected",
+    ),
     (
         Selection,
         "selection | the selection | my selection | current selection | what i've brushed | what i have brushed",

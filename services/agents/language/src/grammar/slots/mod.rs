@@ -328,6 +328,11 @@ mod tests {
             ("a warmer tint for the bone", "make the bone warmer"),
             ("make the vessels' colours more vivid", "make the vessels more saturated"),
             ("render with diffuse only", "show only the diffuse term"),
+            ("reset everything to how it was when I started", "reset"),
+            ("then turn round to the back", "view from behind"),
+            ("bring it back but at 40 percent", "show it and set the opacity of it to 40 percent"),
+            ("other way round: everything that's not selected", "invert the selection"),
+            ("add the clip to what I've brushed", "add the clip to the selection"),
         ] {
             wrong.extend((form(said).as_deref() != Some(command)).then(|| (said, form(said))));
         }
