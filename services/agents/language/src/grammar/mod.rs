@@ -37,7 +37,8 @@ mod spelling;
 mod suggest;
 mod word_pattern;
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::{BTreeSet, HashMap};
 use std::sync::LazyLock;
 
 use sg_proto::language::{Intent, Observation};
@@ -56,6 +57,9 @@ static OPENINGS: LazyLock<OpeningIndex> = LazyLock::new(OpeningIndex::of_table);
 
 /// Largest number of readings of targets in one utterance. A sentence takes some hundreds.
 const MAX_READINGS: usize = 20_000;
+
+/// Most readings and similar words that are kept while an utterance is read.
+const MOST_KEPT: usize = 512;
 
 /// Name of this backend.
 pub const NAME: &str = "grammar";
@@ -108,6 +112,12 @@ struct Reader<'o> {
     has_selection: bool,
     has_focus: bool,
     view: Option<&'o View>,
+    /// Readings of the texts so far: the forms of an utterance are looked at for one meaning after another.
+    readings: RefCell<HashMap<String, Sentence>>,
+    /// Words of the commands and of the names.
+    vocabulary: OnceCell<BTreeSet<String>>,
+    /// Words of the vocabulary that are like a misspelt one.
+    similar_words: RefCell<HashMap<String, Vec<String>>>,
 }
 
 impl<'o> Reader<'o> {
@@ -125,6 +135,9 @@ impl<'o> Reader<'o> {
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             view: scene.and_then(|s| s.view.as_ref()),
+            readings: RefCell::default(),
+            vocabulary: OnceCell::new(),
+            similar_words: RefCell::default(),
         }
     }
 
@@ -133,8 +146,21 @@ impl<'o> Reader<'o> {
         self.names.iter().chain(&self.kept_views).copied().collect()
     }
 
+    /// Words of the commands and of the names.
+    fn vocabulary(&self) -> &BTreeSet<String> {
+        self.vocabulary.get_or_init(|| suggest::vocabulary(&self.known_names()))
+    }
+
     fn read(&self, text: &str) -> Sentence {
-        self.read_tokens(text, &token::tokens(text))
+        if let Some(known) = self.readings.borrow().get(text) {
+            return known.clone();
+        }
+        let sentence = self.read_tokens(text, &token::tokens(text));
+        let mut readings = self.readings.borrow_mut();
+        if readings.len() < MOST_KEPT {
+            readings.insert(text.to_owned(), sentence.clone());
+        }
+        sentence
     }
 
     fn context<'c>(&'c self, source: &'c str) -> ParseContext<'c> {
@@ -233,7 +259,7 @@ mod tests {
     fn no_phrase_occurs_twice_in_one_construct() {
         for entry in TABLE {
             for construct in entry.constructs {
-                let mut seen = std::collections::BTreeSet::new();
+                let mut seen = BTreeSet::new();
                 for opening in construct.phrases() {
                     assert!(!opening.starts_with('(') && !opening.contains("  "), "“{opening}”");
                     assert!(seen.insert(opening), "“{opening}” occurs twice under {}", entry.title);

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use sg_proto::language::Clause;
 
+use super::Reader;
 use super::sentence::Sentence;
-use super::{Reader, suggest};
 use crate::color;
 use crate::syntax::token::{self, Kind, Token};
 
@@ -51,11 +51,11 @@ fn one_meaning(spellings: Vec<String>, read: impl Fn(&str) -> Option<Sentence>) 
 /// The ways to spell the misspelt words of an utterance. There are none if too many words are.
 fn spellings(reader: &Reader<'_>, text: &str) -> Vec<String> {
     let tokens = token::tokens(text);
-    let vocabulary = suggest::vocabulary(&reader.known_names());
-    let mut misspelt: Vec<(&Token, Vec<&str>)> = Vec::new();
+    let vocabulary = reader.vocabulary();
+    let mut misspelt: Vec<(&Token, Vec<String>)> = Vec::new();
     for token in tokens.iter().filter(|t| t.kind == Kind::Word) {
         if !vocabulary.contains(&token.text) && !color::is_word(&token.text) {
-            let similar = similar(&token.text, &vocabulary);
+            let similar = similar_words(reader, &token.text);
             // A word with nothing similar may be a new name, so it stays.
             if !similar.is_empty() {
                 misspelt.push((token, similar));
@@ -70,7 +70,7 @@ fn spellings(reader: &Reader<'_>, text: &str) -> Vec<String> {
 }
 
 /// The text with one choice of the words for the misspelt ones.
-fn spelled(text: &str, misspelt: &[(&Token, Vec<&str>)], choice: usize) -> Option<String> {
+fn spelled(text: &str, misspelt: &[(&Token, Vec<String>)], choice: usize) -> Option<String> {
     let (mut better, mut done, mut left) = (String::new(), 0, choice);
     for (token, words) in misspelt {
         better.push_str(text.get(done..token.start)?);
@@ -84,6 +84,19 @@ fn spelled(text: &str, misspelt: &[(&Token, Vec<&str>)], choice: usize) -> Optio
 /// The clauses without their words.
 fn meaning(sentence: &Sentence) -> Vec<Clause> {
     sentence.clauses.iter().map(|c| Clause { words: String::new(), ..c.clone() }).collect()
+}
+
+/// As [`similar`], looked for once in an utterance.
+fn similar_words(reader: &Reader<'_>, word: &str) -> Vec<String> {
+    if let Some(known) = reader.similar_words.borrow().get(word) {
+        return known.clone();
+    }
+    let found: Vec<String> = similar(word, reader.vocabulary()).into_iter().map(str::to_owned).collect();
+    let mut kept = reader.similar_words.borrow_mut();
+    if kept.len() < super::MOST_KEPT {
+        kept.insert(word.to_owned(), found.clone());
+    }
+    found
 }
 
 /// Words that may be meant, the most similar first.
