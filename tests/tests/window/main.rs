@@ -55,17 +55,7 @@ fn a_person_brushes_names_speaks_and_closes() {
         let left = MIDDLE[0] - 420;
         let stroke: Vec<[i32; 2]> = (0..6).map(|k| [left - 10 * k, MIDDLE[1] + 4 * k]).collect();
         screen.act(&["mousemove", &left.to_string(), &MIDDLE[1].to_string()]).unwrap();
-        // The front surface has to be known before a brush can work. So the stroke is repeated until it is known.
-        let begun = Instant::now();
-        let walked = loop {
-            screen.drag(&stroke).unwrap();
-            tokio::time::sleep(Duration::from_millis(300)).await;
-            let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-            if selected(&state) > 0 {
-                break state;
-            }
-            assert!(begun.elapsed() < PATIENCE, "a stroke selects nothing: {state:?}");
-        };
+        let walked = drag_until_selected(&screen, &bus, &stroke, "a stroke").await;
         assert!(walked.undo.first().is_some_and(|line| line.contains("stroke")), "{:?}", walked.undo);
         // It is seen: the highlight is bluer than anything in the scene.
         view(&bus, "a picture of the selection", |v| v.revision >= walked.revision).await;
@@ -160,6 +150,25 @@ fn a_person_brushes_names_speaks_and_closes() {
     assert!(kept.contains("radius"), "{kept}");
 }
 
+/// Drags until something is selected. The front surface has to be known before a tool can begin on it, so what finds nothing is
+/// repeated. A busy machine takes its time, and a repetition that comes too early would be a second step of the history.
+async fn drag_until_selected(screen: &Screen, bus: &Bus, places: &[[i32; 2]], what: &str) -> State {
+    const TIME_TO_SELECT: Duration = Duration::from_secs(8);
+    let begun = Instant::now();
+    loop {
+        screen.drag(places).unwrap();
+        let dragged = Instant::now();
+        while dragged.elapsed() < TIME_TO_SELECT {
+            let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+            if selected(&state) > 0 {
+                return state;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{what} selects nothing: {state:?}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+}
+
 /// Selects with a polygon about the body at `x`, and with a sphere on it, and takes back both. The selection ends as it begins, with
 /// the brush as the tool.
 async fn polygon_and_sphere(screen: &Screen, bus: &Bus, x: i32, before: &State) {
@@ -175,17 +184,8 @@ async fn polygon_and_sphere(screen: &Screen, bus: &Bus, x: i32, before: &State) 
     key("ctrl+z");
     scene(bus, "no polygon", |s| selected(s) == 0).await;
     key("o");
-    // The front surface has to be known before a sphere can begin on it.
-    let begun = Instant::now();
-    let sphere = loop {
-        screen.drag(&[[x, MIDDLE[1]], [x + 20, MIDDLE[1]], [x + 60, MIDDLE[1]]]).unwrap();
-        tokio::time::sleep(Duration::from_millis(500)).await;
-        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-        if selected(&state) > 0 {
-            break state;
-        }
-        assert!(begun.elapsed() < PATIENCE, "a sphere selects nothing: {state:?}");
-    };
+    let places = [[x, MIDDLE[1]], [x + 20, MIDDLE[1]], [x + 60, MIDDLE[1]]];
+    let sphere = drag_until_selected(screen, bus, &places, "a sphere").await;
     assert!(selected(&sphere) != selected(&polygon), "{sphere:?}");
     key("ctrl+z");
     scene(bus, "no sphere", |s| selected(s) == 0).await;

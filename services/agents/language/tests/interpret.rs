@@ -342,3 +342,19 @@ fn slips_of_the_hand_meet_other_forms() {
         means(said, &[], plain);
     }
 }
+
+#[test]
+fn it_is_what_a_question_was_about_and_more_repeats_a_change() {
+    means("make it red", &["how big is the sac?"], "make the sac red");
+    means("interesting. Make it red and lock it.", &["what is the sac?"], "make the sac red and lock the sac");
+    means("and the vessel too", &["show only the bone"], "show the vessel");
+    let changed = |text: &str, undo_steps: u32| {
+        let mut request = request("a bit more", &[text]);
+        request.conversation[0].undo_steps = undo_steps;
+        meaning(&grammar::interpret(&request).unwrap())
+    };
+    let before = "make the sac more transparent";
+    assert_eq!(changed(before, 1), meaning(&interpret(before, &[])));
+    assert_ne!(changed(before, 0), meaning(&interpret(before, &[])), "nothing was changed");
+    assert_ne!(changed("make the sac red", 1), meaning(&interpret("make the sac red", &[])), "red has no more");
+}

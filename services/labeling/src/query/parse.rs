@@ -92,7 +92,7 @@ const LEADS: [&str; 46] = [
     "search",
 ];
 /// Nouns without a meaning of their own.
-const GENERIC: [&str; 22] = [
+const GENERIC: [&str; 33] = [
     "thing",
     "one",
     "part",
@@ -115,6 +115,17 @@ const GENERIC: [&str; 22] = [
     "label",
     "shape",
     "section",
+    "layer",
+    "covering",
+    "cover",
+    "coating",
+    "blob",
+    "lump",
+    "bit",
+    "balloon",
+    "bubble",
+    "tangle",
+    "network",
 ];
 /// Nouns and pronouns for all things.
 const UNIVERSAL: [&str; 6] = ["everything", "all", "anything", "rest", "others", "scene"];

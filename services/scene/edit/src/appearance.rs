@@ -32,6 +32,10 @@ impl Transaction<'_> {
             }
         }
         self.supersede_named(Attribute::Color, &target)?;
+        if target.everything {
+            // Saved units are parts of everything, so they have its colour and none of their own.
+            self.saved_units_mut().for_each(|unit| unit.color = None);
+        }
         let mut made = None;
         if let Some(members) = &target.unnamed {
             if let Some(color) = color {
@@ -43,6 +47,17 @@ impl Transaction<'_> {
                 made = Some(id);
             } else {
                 self.supersede(Attribute::Color, members, None)?;
+                for unit in self.units_inside(members) {
+                    match unit {
+                        UnitRef::Base(i) => {
+                            let file = self.initial.base.get(self.state.file_unit(i)).map(|b| b.palette);
+                            if let (Some(base), Some(palette)) = (self.state.base.get_mut(i), file) {
+                                base.palette = palette;
+                            }
+                        }
+                        UnitRef::Editable(id) => self.with_unit(id, |unit| unit.color = None),
+                    }
+                }
             }
         }
         self.focus_after(&target, made);
@@ -76,12 +91,26 @@ impl Transaction<'_> {
         // Multiplying the factor leaves other units' factors as they are; setting a factor overrides them.
         if !command.relative {
             self.supersede_named(Attribute::Opacity, &target)?;
+            if target.everything {
+                self.saved_units_mut().for_each(|unit| unit.opacity = 1.0);
+            }
         }
         let mut made = None;
         if let Some(members) = &target.unnamed {
             let here = self.derived_of(members, false);
             if !command.relative {
                 self.supersede(Attribute::Opacity, members, here)?;
+                // The factors of units inside would multiply: 20 % of what had 40 % is to be 20 %.
+                for unit in self.units_inside(members) {
+                    match unit {
+                        UnitRef::Base(i) => {
+                            if let Some(base) = self.state.base.get_mut(i) {
+                                base.opacity = 1.0;
+                            }
+                        }
+                        UnitRef::Editable(id) => self.with_unit(id, |unit| unit.opacity = 1.0),
+                    }
+                }
             }
             let id = self.derived_or_new(here, members, &target)?;
             if let Some(unit) = self.state.units.get_mut(&id) {
@@ -188,6 +217,21 @@ impl Transaction<'_> {
         let id = self.derived_or_new(here, members, target)?;
         self.with_unit(id, |unit| unit.visible = false);
         Ok(id)
+    }
+
+    fn saved_units_mut(&mut self) -> impl Iterator<Item = &mut Unit> {
+        self.state.units.values_mut().filter(|unit| !unit.derived)
+    }
+
+    /// The base units and the saved units of which some Gaussians hold all.
+    fn units_inside(&self, members: &Mask) -> Vec<UnitRef> {
+        let base = (0..self.state.base.len()).map(UnitRef::Base);
+        let base = base.filter(|unit| {
+            let own = self.state.members(*unit);
+            !own.is_none() && own.is_subset_of(members)
+        });
+        let saved = self.state.units.iter().filter(|(_, unit)| !unit.derived && unit.mask.is_subset_of(members));
+        base.chain(saved.map(|(id, _)| UnitRef::Editable(*id))).collect()
     }
 
     /// The named units, or all base units if the target is everything.

@@ -24,7 +24,13 @@ const MOST_OF_NAME: usize = 3;
 const MOST_OF_COMPARISON: usize = 6;
 
 /// Beginnings that reject the utterance before, beside the markers of a correction within an utterance. The longest stand first.
-const REJECTIONS: [&[&str]; 10] = [
+const REJECTIONS: [&[&str]; 16] = [
+    &["that", "was", "supposed", "to", "be"],
+    &["it", "was", "supposed", "to", "be"],
+    &["that", "was", "meant", "to", "be"],
+    &["that", "should", "have", "been"],
+    &["it", "should", "have", "been"],
+    &["i", "wanted"],
     &["that", "was", "wrong"],
     &["that", "is", "wrong"],
     &["not", "that", "one"],

@@ -1,5 +1,7 @@
 //! Utterances that continue the one before: "the same for the vessel", "and the bone too", "again".
 
+use sg_proto::language::{Act, Clause, Turn};
+
 use super::forms::{self, understood};
 use super::sentence::Sentence;
 use super::word_pattern::after;
@@ -28,7 +30,7 @@ const AGAIN: [&str; 10] = [
 ];
 
 /// Beginnings of the same for another target. The longest stand first.
-const SAME_FOR: [&str; 22] = [
+const SAME_FOR: [&str; 28] = [
     "and do the same for",
     "and do the same to",
     "and do the same with",
@@ -49,6 +51,12 @@ const SAME_FOR: [&str; 22] = [
     "same for",
     "same with",
     "and now",
+    "and let me have",
+    "and show me",
+    "let me have",
+    "ok now",
+    "okay now",
+    "now",
     "and",
     "also",
 ];
@@ -70,12 +78,7 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
         return Some(completed);
     }
     // The one before may have been understood in another form.
-    let mut forms = vec![before.to_owned()];
-    forms.extend(forms::of(reader, before, &token::tokens(before)));
-    let certain = || forms.iter().find(|text| reader.read(text).is_certain());
-    // The labeling service may have known its name.
-    let before = certain().or_else(|| forms.iter().find(|text| understood(reader, text).is_some()))?.as_str();
-    let last = reader.read(before);
+    let (before, last) = read_before(reader, before)?;
     let words: Vec<&str> = tokens.iter().filter(|t| t.kind != Kind::Mark('.')).map(|t| t.text.as_str()).collect();
     let said = words.join(" ");
     if AGAIN.contains(&said.trim_end_matches(" please")) {
@@ -98,6 +101,71 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
     }
     // A name alone could mean anything; a value alone belongs to the last target.
     also.filter(|also| same.is_none() && also.is_certain())
+}
+
+/// Ways to ask for more of the last change.
+const MORE: [&str; 12] = [
+    "more",
+    "a bit more",
+    "a little more",
+    "a little bit more",
+    "even more",
+    "some more",
+    "still more",
+    "much more",
+    "further",
+    "a bit further",
+    "more please",
+    "a bit more please",
+];
+
+/// The last change once more, for "a bit more" where nothing is selected. Otherwise the strokes of the selection get more.
+pub(super) fn once_more(reader: &Reader<'_>, tokens: &[Token], last: &Turn) -> Option<Sentence> {
+    let words: Vec<&str> = tokens.iter().filter(|t| t.kind == Kind::Word).map(|t| t.text.as_str()).collect();
+    if reader.has_selection || last.undo_steps == 0 || !MORE.contains(&words.join(" ").as_str()) {
+        return None;
+    }
+    let is_relative = |clause: &Clause| match clause.act() {
+        Act::SetOpacity => clause.relative,
+        Act::SetLight => clause.light.is_some_and(|light| light.relative),
+        Act::SetTone => clause.tone.as_ref().is_some_and(|tone| tone.relative),
+        _ => false,
+    };
+    let sentence = read_before(reader, &last.utterance)?.1;
+    sentence.clauses.iter().all(is_relative).then_some(sentence)
+}
+
+/// The utterance with a name in place of "it", where the one before was a question about a thing: "how big is the sac?", "make it red".
+pub(super) fn with_described(reader: &Reader<'_>, source: &str, tokens: &[Token], last: &Turn) -> Option<String> {
+    let is_it = |t: &Token| matches!(t.text.as_str(), "it" | "them");
+    if last.undo_steps > 0 || !tokens.iter().any(is_it) {
+        return None;
+    }
+    let (_, described) = read_before(reader, &last.utterance)?;
+    let [Clause { target: Some(target), .. }] = described.clauses.as_slice() else { return None };
+    let is_described = described.clauses.iter().all(|clause| clause.act() == Act::Describe);
+    let [name] = target.names.as_slice() else { return None };
+    if !is_described || target.complement {
+        return None;
+    }
+    let name = if name.starts_with("the ") { name.clone() } else { format!("the {name}") };
+    let (mut text, mut done) = (String::new(), 0);
+    for token in tokens.iter().filter(|t| is_it(t)) {
+        text.push_str(source.get(done..token.start)?);
+        text.push_str(&name);
+        done = token.end;
+    }
+    text.push_str(source.get(done..)?);
+    Some(text)
+}
+
+/// The form in which an earlier utterance is understood, and its reading. The labeling service may have known its names.
+fn read_before(reader: &Reader<'_>, before: &str) -> Option<(String, Sentence)> {
+    let before = before.trim().trim_end_matches(['.', '!', '?', ',', ';']);
+    let mut forms = vec![before.to_owned()];
+    forms.extend(forms::of(reader, before, &token::tokens(before)));
+    let certain = forms.iter().find_map(|form| Some((form.clone(), forms::certain(reader, form)?)));
+    certain.or_else(|| forms.iter().find_map(|form| Some((form.clone(), understood(reader, form)?))))
 }
 
 /// An utterance that the one before lacked: "make it red", "the clip"; "change the colour of the clip", "yellow".
@@ -137,5 +205,10 @@ fn continued(reader: &Reader<'_>, text: &str, last: &Sentence) -> Option<Sentenc
     let whole = understood(reader, text)?;
     let rest = whole.clauses.strip_prefix(last.clauses.as_slice()).filter(|rest| !rest.is_empty())?;
     let unknown = whole.unknown.saturating_sub(last.unknown);
-    Some(Sentence { clauses: rest.to_vec(), unknown, ..Sentence::default() })
+    // "Only the bone", "and the vessels too": both are to be seen.
+    let beside = |clause: &Clause| match clause.act() {
+        Act::ShowOnly => Clause { act: Act::Show.into(), ..clause.clone() },
+        _ => clause.clone(),
+    };
+    Some(Sentence { clauses: rest.iter().map(beside).collect(), unknown, ..Sentence::default() })
 }

@@ -52,11 +52,20 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     let text = request.text.as_str();
     let tokens = tokens_of(text)?;
     let reader = Reader::new(&observation);
+    let last = request.conversation.last();
+    let described = last.and_then(|last| follow_up::with_described(&reader, text, &tokens, last));
+    let (text, tokens) = match &described {
+        Some(text) => (text.as_str(), token::tokens(text)),
+        None => (text, tokens),
+    };
     if let Some(answer) = conversation::state(text, &tokens, &observation) {
         return Ok(answer);
     }
     let literal = reader.read_tokens(text, &tokens);
     if let Some(sentence) = correction::of(&reader, request, &tokens, &literal) {
+        return Ok(repaired(sentence, text, String::new()));
+    }
+    if let Some(sentence) = last.and_then(|last| follow_up::once_more(&reader, &tokens, last)) {
         return Ok(repaired(sentence, text, String::new()));
     }
     if tokens.len() > MAX_REPAIRED_TOKENS || literal.is_certain() {
@@ -70,7 +79,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if let Some(sentence) = self_correction::of(&reader, text, &tokens).or_else(plain) {
         return Ok(repaired(sentence, text, String::new()));
     }
-    if let Some(last) = request.conversation.last() {
+    if let Some(last) = last {
         if let Some(sentence) = follow_up::of(&reader, text, &tokens, &last.utterance) {
             return Ok(repaired(sentence, text, String::new()));
         }
@@ -90,10 +99,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
         return Ok(repaired(sentence, text, better));
     }
     let sounds = plain_form::heard(text, &tokens);
-    let heard = |form: String| {
-        let sentence = certain(&reader, &form).filter(is_safe).or_else(|| understood(&reader, &form))?;
-        Some((form, sentence))
-    };
+    let heard = |form: String| Some((form.clone(), in_any_form(&reader, &form)?));
     if !literal.not_understood.is_empty()
         && let Some((better, sentence)) = sounds.and_then(heard)
     {
@@ -105,14 +111,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
         if let Some(sentence) = named().or_else(|| by_parts(&reader, text, &tokens)) {
             return Ok(repaired(sentence, text, String::new()));
         }
-        let readings = |form: &str| {
-            let forms = forms::of(&reader, form, &token::tokens(form));
-            let all = || std::iter::once(form).chain(forms.iter().map(String::as_str));
-            all()
-                .find_map(|form| certain(&reader, form).filter(is_safe))
-                .or_else(|| all().find_map(|form| understood(&reader, form)))
-        };
-        if let Some((better, sentence)) = spelling::respelled(&reader, text, readings) {
+        if let Some((better, sentence)) = spelling::respelled(&reader, text, |form| in_any_form(&reader, form)) {
             return Ok(repaired(sentence, text, better));
         }
     } else if takes_color_as_name(&literal)
@@ -124,6 +123,14 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     Ok(conversation::finished(&reader, &tokens, intent))
 }
 
+/// The reading of a text in the first of its forms that is understood, the sure ones first. A look tells what it does.
+fn in_any_form(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
+    let forms = forms::of(reader, text, &token::tokens(text));
+    let all = || std::iter::once(text).chain(forms.iter().map(String::as_str));
+    let sure = all().find_map(|form| certain(reader, form).filter(is_safe));
+    sure.or_else(|| all().find_map(|form| understood(reader, form)))
+}
+
 /// The clauses of an utterance whose parts are all understood, each in some form: "bone at 15 %, tissue off, white background".
 fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentence> {
     let parts = plain_form::parts(text, tokens);
@@ -133,10 +140,7 @@ fn by_parts(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Option<Sentenc
     let mut whole = Sentence::default();
     // "Interesting. Make it red."
     for part in parts.into_iter().filter(|part| !plain_form::is_remark(part)) {
-        let forms = forms::of(reader, &part, &token::tokens(&part));
-        let all = || std::iter::once(part.as_str()).chain(forms.iter().map(String::as_str));
-        let known = all().find_map(|form| certain(reader, form).filter(is_safe));
-        let sentence = known.or_else(|| all().find_map(|form| understood(reader, form)))?;
+        let sentence = in_any_form(reader, &part)?;
         whole.clauses.extend(sentence.clauses.into_iter().map(|clause| Clause { words: part.clone(), ..clause }));
         whole.unknown += sentence.unknown;
     }

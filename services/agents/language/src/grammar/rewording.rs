@@ -8,10 +8,17 @@ use crate::syntax::token::{self, Kind, Token, begins_with, text_of};
 const MODALS: [&str; 7] = ["can", "could", "may", "might", "should", "shall", "would"];
 
 /// First words of a purpose or a reason, which no command has.
-const PURPOSES: [&[&str]; 36] = [
+const PURPOSES: [&[&str]; 43] = [
     &["but", "keep"],
     &["but", "leave"],
     &["and", "leave"],
+    &["instead", "of"],
+    &["rather", "than"],
+    &["but", "don't"],
+    &["it", "looks", "like"],
+    &["it", "disappears"],
+    &["like", "in"],
+    &["of", "all"],
     &["without", "changing"],
     &["so", "that"],
     &["so", "i"],
@@ -99,7 +106,7 @@ const FRAMES: [(&[&str], &[&str], &str); 44] = [
 const MOST_BEFORE: usize = 3;
 
 /// Whole utterances, and the command in their place.
-const WHOLE: [(&str, &str); 29] = [
+const WHOLE: [(&str, &str); 32] = [
     ("too dark", "make it brighter"),
     ("it's too dark", "make it brighter"),
     ("it is too dark", "make it brighter"),
@@ -122,6 +129,9 @@ const WHOLE: [(&str, &str); 29] = [
     ("kill the selection", "clear the selection"),
     ("forget the selection", "clear the selection"),
     ("hold it there", "pause the tour"),
+    ("wait hold it there", "pause the tour"),
+    ("hold on a sec", "pause the tour"),
+    ("hold on a second", "pause the tour"),
     ("hold on", "pause the tour"),
     ("stay here", "pause the tour"),
     ("wait here", "pause the tour"),
@@ -209,8 +219,15 @@ fn whole(tokens: &[Token]) -> Option<String> {
 /// "Store the selected part under the name loop" as "save the selection as loop", "the clip, it shall be called staple" as "rename the clip
 /// to staple".
 fn named_as(source: &str, tokens: &[Token]) -> Option<String> {
-    const NAMING: [&[&str]; 14] = [
+    const NAMING: [&[&str]; 21] = [
         &["under", "the", "name"],
+        &["give", "that", "the", "name"],
+        &["give", "it", "the", "name"],
+        &["give", "this", "the", "name"],
+        &["shall", "be", "known", "as"],
+        &["should", "be", "known", "as"],
+        &["be", "known", "as"],
+        &["be", "called"],
         &["under", "name"],
         &["with", "the", "name"],
         &["by", "the", "name", "of"],
@@ -225,6 +242,7 @@ fn named_as(source: &str, tokens: &[Token]) -> Option<String> {
         &["label", ":"],
         &["call", "it"],
     ];
+    const BECOMING: [&str; 7] = ["should", "shall", "must", "will", "is", "ought", "to"];
     const VIEWS: [&str; 6] = ["view", "viewpoint", "angle", "camera", "perspective", "position"];
     const SELECTED: [&str; 9] =
         ["selection", "selected", "brushed", "marked", "painted", "highlighted", "picked", "piece", "region"];
@@ -243,7 +261,9 @@ fn named_as(source: &str, tokens: &[Token]) -> Option<String> {
     } else if head.is_empty() || has(&SELECTED) {
         Some(format!("save the selection as {name}"))
     } else {
-        None
+        // "The clip should from now on be called staple."
+        let subject = head.get(..head.iter().position(|t| BECOMING.contains(&t.text.as_str()))?)?;
+        (!subject.is_empty()).then(|| format!("rename {} to {name}", text_of(source, subject)))
     }
 }
 

@@ -7,8 +7,14 @@ use super::sentence::Sentence;
 use crate::syntax::token::{Kind, Token, begins_with, text_of};
 
 /// Words between what was said first and its correction, the longest first.
-pub(super) const MARKERS: [&[&str]; 15] = [
+pub(super) const MARKERS: [&[&str]; 26] = [
     &["or", "rather"],
+    &["no", "hang", "on"],
+    &["no", "hold", "on"],
+    &["hang", "on"],
+    &["hold", "on"],
+    &["scrap", "that"],
+    &["or", "no"],
     &["no", "wait"],
     &["wait", "no"],
     &["i", "mean"],
@@ -23,6 +29,11 @@ pub(super) const MARKERS: [&[&str]; 15] = [
     &["correction"],
     &["oops"],
     &["wait"],
+    &["uh"],
+    &["um"],
+    &["er"],
+    &["erm"],
+    &["uhm"],
 ];
 
 /// Beginnings of a correction that repeat the command: "no, make it black".

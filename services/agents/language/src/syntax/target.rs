@@ -56,7 +56,7 @@ const SELECTED: &str = "what is selected | what 's selected | what i selected | 
  what i brushed | what i marked | what i painted | what i picked";
 
 /// Phrases for the whole scene.
-const EVERYTHING: &str = "everything | all | all of it | all of them | the whole scene | the entire scene | the scene | \
+const EVERYTHING: &str = "everything | all | all of it | all of them | the whole scene | the entire scene | the scene | this scene | this volume | this model | \
  the whole thing | the whole volume | the volume | the whole data set | the whole dataset | \
  the data | the model | the whole model | the picture | the image";
 

@@ -1,9 +1,31 @@
 //! Words of politeness, modal verbs, states, and words that sound alike.
 
 /// Beginnings without a meaning of their own.
-pub(super) const LEADS: [&str; 73] = [
+pub(super) const LEADS: [&str; 95] = [
     "but",
     "sorry to bother you but",
+    "sorry to bother you again but",
+    "sorry to bother you again",
+    "sorry for the trouble but",
+    "would you mind terribly",
+    "may i kindly ask that",
+    "may i kindly ask you to",
+    "may i kindly ask",
+    "may i ask that",
+    "could i ask that",
+    "i'd appreciate it if you would",
+    "i would appreciate it if you would",
+    "i'd appreciate it if you",
+    "i would appreciate it if you",
+    "i'd be grateful if you could",
+    "i would be grateful if you could",
+    "i'd be grateful if you",
+    "i would be grateful if you",
+    "i'd be ever so grateful if you could",
+    "i'd be ever so grateful if you",
+    "i would be very grateful if you could",
+    "while you're at it",
+    "while you are at it",
     "sorry to bother you",
     "excuse me but",
     "excuse me",
@@ -108,7 +130,10 @@ pub(super) const TAILS: [&str; 26] = [
 ];
 
 /// Words of a wish: "I'd love a white background".
-pub(super) const WISHES: [&str; 24] = [
+pub(super) const WISHES: [&str; 27] = [
+    "i'd appreciate",
+    "i would appreciate",
+    "it could do with",
     "i would love to have",
     "i'd love to have",
     "i would like to have",
@@ -260,7 +285,7 @@ pub(super) const OPINIONS: [&str; 33] = [
 ];
 
 /// Words that recognizers and people write for others that sound alike, in commands.
-pub(super) const HOMOPHONES: [(&str, &str); 19] = [
+pub(super) const HOMOPHONES: [(&str, &str); 21] = [
     ("high", "hide"),
     ("hyde", "hide"),
     ("shoe", "show"),
@@ -280,16 +305,20 @@ pub(super) const HOMOPHONES: [(&str, &str); 19] = [
     ("tern", "turn"),
     ("scull", "skull"),
     ("plane", "plain"),
+    ("said", "set"),
+    ("tore", "tour"),
 ];
 
 /// Words that are written apart and mean one.
-pub(super) const APART: [(&str, &str); 10] = [
+pub(super) const APART: [(&str, &str); 12] = [
     ("back ground", "background"),
     ("head light", "headlight"),
     ("over view", "overview"),
     ("book mark", "bookmark"),
     ("screen shot", "screenshot"),
     ("see through", "see-through"),
+    ("a buff", "above"),
+    ("bow and", "bone and"),
     ("annual rhythm", "aneurysm"),
     ("a new rhythm", "aneurysm"),
     ("and your ism", "aneurysm"),

@@ -37,7 +37,7 @@ const COMMANDS: [Command; 19] = [
         sentence: light_part,
     },
     Command { needs: &[Headlight], allows: &[&[Set, Back, Show, Light]], sentence: |s| s.alone("use a headlight") },
-    Command { needs: &[Light], allows: &[&WAYS, &STEPS, &[Set, Bright, Dark, Show]], sentence: light },
+    Command { needs: &[Light], allows: &[&WAYS, &STEPS, &[Set, Bright, Dark, Show, By]], sentence: light },
     Command { needs: &[Best], allows: &[&[Set, View, Rotate, Show, Frame, Hide, Select]], sentence: best_view },
     Command { needs: &[Initial], allows: &[&[Set, View, Back, Reset, Show]], sentence: initial },
     Command {
@@ -237,7 +237,18 @@ fn light_part(slots: &Slots) -> Option<String> {
 }
 
 fn light(slots: &Slots) -> Option<String> {
-    if !slots.is_plain() || !slots.exceptions.is_empty() || slots.rest {
+    if !slots.colors().is_empty() || !slots.exceptions.is_empty() || slots.rest {
+        return None;
+    }
+    if let Some(amount) = slots.only_amount().filter(|amount| amount.is_share && slots.is_general()) {
+        let verb = match (slots.has_any(&[Bright, Up]), slots.has_any(&[Dark, Down])) {
+            (true, false) => "turn up",
+            (false, true) => "turn down",
+            _ => return None,
+        };
+        return Some(format!("{verb} the light by {}", amount.text));
+    }
+    if !slots.amounts.is_empty() {
         return None;
     }
     let brighter = slots.has_any(&[Bright, More]);

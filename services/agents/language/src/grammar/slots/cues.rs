@@ -103,7 +103,8 @@ use Cue::{
 pub(super) const CUES: &[(Cue, &str)] = &[
     (
         Filler,
-        "a | an | the | some | of | to | in | into | on | onto | at | for | as | than | then | now | please | pls | plz | \
+        "a | an | the | some | both | see | seen | remain | remains | fall | falls | falling | straight | straight down | blinds me | dazzles me | \
+         could do with | would look better | find | an angle where | a view where | of all | every part of it | you're at it |  of | to | in | into | on | onto | at | for | as | than | then | now | please | pls | plz | \
          just | also | so | that | which | is | are | be | am | was | were | been | it | its | 's | them | their | they | \
          this | these | those | there | here | i | i'm | me | my | mine | we | us | our | you | your | would | could | \
          can | should | shall | may | might | must | will | i'd | i'll | we'd | you'd | let | lets | let's | like to | \
@@ -152,12 +153,12 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (Opaque, "opaque | solid | dense | denser | thick | thicker | strong | stronger | solider | substantial"),
     (
         Transparent,
-        "transparent | translucent | see through | see-through | seethrough | look through | glassy | like glass | \
+        "transparent | translucent | clear as glass | as clear as glass |  see through | see-through | seethrough | look through | glassy | like glass | \
          like a window | diaphanous | sheer | see right through",
     ),
     (
         Faint,
-        "ghost | ghostly | like a ghost | faint | fainter | barely visible | hardly visible | barely there | nearly invisible | \
+        "ghost | ghostly | like a ghost | faint | fainter | barely visible | hardly visible | only just visible | just visible | just about visible |  barely there | nearly invisible | \
          almost invisible | almost transparent | wispy | veil",
     ),
     (Fade, "fade | fade out | fade down | thin out | thin | dissolve | weaken"),
@@ -182,7 +183,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (By, "by"),
     (
         Hide,
-        "hide | hidden | invisible | remove | removed | conceal | disappear | vanish | get rid of | rid of | lose | off | \
+        "hide | hidden | invisible | not to see anymore | not to see any more | not to see | not see |  remove | removed | conceal | disappear | vanish | get rid of | rid of | lose | off | \
          turn off | switch off | out of the way | out of my way | out of sight | out of view | out of the picture | \
          away | take away | take out | not visible | gone | from view | from sight | suppress | blank | blank out | \
          mask out | don't want to see | do not want to see | don't need to see | don't show | do not show | \
@@ -231,7 +232,8 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (Cool, "cool | cooler | cold | colder"),
     (
         Background,
-        "background | backdrop | bg | backround | background colour | background color | canvas | \
+        "background | backdrop | empty space | the empty space around the model | space around the model | space around it | curtain | \
+         wallpaper | emptiness | everything behind | wall |  bg | backround | background colour | background color | canvas | \
          what is behind the volume | what 's behind the volume | what is behind everything | what 's behind everything | \
          what is behind it | what 's behind it | what is behind | what 's behind | behind everything | behind the volume | \
          behind the scene | behind the object | wall behind",
@@ -239,7 +241,10 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (Left, "left | left hand | left hand side | leftwards"),
     (Right, "right | right hand | right hand side | rightwards"),
     (Above, "above | overhead | top | over | upper | superior | higher up | from on high | bird 's eye"),
-    (Below, "below | underneath | beneath | bottom | under | lower left | lower right | inferior | worm 's eye"),
+    (
+        Below,
+        "below | underneath | underside |  beneath | bottom | under | lower left | lower right | inferior | worm 's eye",
+    ),
     (Behind, "behind | rear | posterior | backside | other side | far side"),
     (Front, "front | anterior | in front | head on"),
     (Back, "back"),
@@ -250,7 +255,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     ),
     (
         Rotate,
-        "rotate | spin | orbit | turn round | turn around | turn it round | turn it around | go round | go around | tilt | roll | swing | pan | revolve | turn the head | turn the scene | turn the view",
+        "rotate | spin | orbit | turn round | turn around | turn it round | turn it around | turn the thing | turn the model | turn it so | turn the whole thing | go round | go around | tilt | roll | swing | pan | revolve | turn the head | turn the scene | turn the view",
     ),
     (Degrees, "degree | degrees | deg | °"),
     (
@@ -271,7 +276,8 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     ),
     (
         Best,
-        "best view | best side | best angle | where nothing is in the way | where nothing is in the way of | to where nothing is in the way of | best seen | seen best | best | as well as possible | as good as possible | \
+        "best view | best side | isn't hidden by anything | is not hidden by anything | isn't hidden | clean look | clean look at | good look | \
+         good look at | decent look at | can be seen as well as possible |  best angle | where nothing is in the way | where nothing is in the way of | to where nothing is in the way of | best seen | seen best | best | as well as possible | as good as possible | \
          most favourable | most favorable | optimal | ideal | most informative | least hidden | occluded as little | \
          hidden as little | unobstructed | nothing in the way | nothing is in the way | nothing in the way of | \
          nothing is in the way of | as little as possible | most visible | clearest view | clearest | see best | wherever | \
@@ -303,7 +309,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     ),
     (
         Deselect,
-        "deselect | unselect | clear the selection | clear my selection | drop the selection | drop my selection | \
+        "deselect | unselect | don't want anything selected | do not want anything selected | nothing selected | nothing should be selected |  clear the selection | clear my selection | drop the selection | drop my selection | \
          no selection | select nothing | forget the selection | empty the selection | cancel the selection",
     ),
     (
