@@ -3,7 +3,6 @@
 use egui::{Align2, Area, Frame, Id, Order, Rect, Ui, Vec2};
 
 use super::orientation_cube;
-use super::window_ui::WindowUi;
 use crate::display::{Request, ViewState};
 use crate::panels::{Output, tour_bar, tour_legend};
 
@@ -26,26 +25,22 @@ pub(super) fn show_bar(ui: &mut Ui, state: &ViewState, requests: &mut Vec<Reques
     requests.extend(output.requests);
 }
 
-impl WindowUi {
-    /// Shows the legend of the stops below the orientation cube, while a tour is under way. It lets the mouse through.
-    pub(super) fn show_tour_legend(&self, ui: &Ui, picture: Rect, state: &ViewState) {
-        let scale = self.tools.scale;
-        // Over one of two pictures it would be in the way.
-        if state.tour.is_none() || self.scene_view.stereo {
-            return;
-        }
-        let corner = picture.right_top() + Vec2::new(-INSET, 2.0 * orientation_cube::INSET) * scale;
-        let height = picture.bottom() - corner.y - 3.0 * INSET * scale;
-        if height < LEAST * scale {
-            return;
-        }
-        let width = (WIDTH.0 * scale).min(WIDTH.1 * picture.width());
-        let area = Area::new(Id::unique("legend of the tour")).order(Order::Middle).constrain_to(picture);
-        area.interactable(false).pivot(Align2::RIGHT_TOP).fixed_pos(corner).show(ui.ctx(), |ui| {
-            Frame::popup(ui.style()).show(ui, |ui| {
-                ui.set_max_width(width);
-                tour_legend(ui, state, height);
-            });
-        });
+/// Shows the legend of the stops below the orientation cube, while a tour is under way. It lets the mouse through.
+pub(super) fn show_legend(ui: &Ui, picture: Rect, scale: f32, state: &ViewState) {
+    if state.tour.is_none() {
+        return;
     }
+    let corner = picture.right_top() + Vec2::new(-INSET, 2.0 * orientation_cube::INSET) * scale;
+    let height = picture.bottom() - corner.y - 3.0 * INSET * scale;
+    if height < LEAST * scale {
+        return;
+    }
+    let width = (WIDTH.0 * scale).min(WIDTH.1 * picture.width());
+    let area = Area::new(Id::unique("legend of the tour")).order(Order::Middle).constrain_to(picture);
+    area.interactable(false).pivot(Align2::RIGHT_TOP).fixed_pos(corner).show(ui.ctx(), |ui| {
+        Frame::popup(ui.style()).show(ui, |ui| {
+            ui.set_max_width(width);
+            tour_legend(ui, state, height);
+        });
+    });
 }

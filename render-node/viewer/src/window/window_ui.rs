@@ -332,7 +332,10 @@ impl WindowUi {
             let orientation = self.scene.orientation.with_up(state.scene.up());
             self.scene_view.scale_bar(ui, response.rect, self.tools.scale);
             self.scene_view.orientation_cube(ui, response.rect, orientation, self.tools.scale);
-            self.show_tour_legend(ui, response.rect, &state);
+            // Over one of two pictures it would be in the way.
+            if !self.scene_view.stereo {
+                tour_view::show_legend(ui, response.rect, self.tools.scale, &state);
+            }
         });
         self.take_move_draft(ui, &newest);
         self.release_after_rest(ui, &state, &mut requests);

@@ -101,6 +101,27 @@ fn the_selection_and_everything_else_get_derived_units() {
 }
 
 #[test]
+fn a_value_for_everything_or_for_the_rest_holds_in_their_units_too() {
+    let mut editor = editor();
+    sac(&mut editor);
+    run(&mut editor, [color(units(&["sac"]), BLUE), opacity(units(&["sac"]), 0.5), opacity(units(&["bone"]), 0.4)]);
+    // "Everything at 60 %, and red": the sac has no look of its own any more.
+    run(&mut editor, [opacity(everything(), 0.6), color(everything(), RED)]);
+    let state = editor.state();
+    assert_eq!((drawn(state, 45).opacity, drawn(state, 1).opacity), (0.6, 0.6));
+    assert_eq!((drawn(state, 45).color, drawn(state, 45).palette), (None, Vec3::X));
+    // "All but the skin at 20 %": the factors of the bone and of the sac do not multiply it.
+    run(&mut editor, [opacity(units(&["bone"]), 0.4), opacity(all_but(&["skin"]), 0.2)]);
+    let state = editor.state();
+    assert_eq!((drawn(state, 1).opacity, drawn(state, 25).opacity), (0.2, 0.6));
+    // "The original colours of all but the skin".
+    run(&mut editor, [color(units(&["sac"]), BLUE), own_color(all_but(&["skin"]))]);
+    let state = editor.state();
+    assert_eq!((drawn(state, 45).color, drawn(state, 25).palette), (None, Vec3::X));
+    assert_ne!(drawn(state, 1).palette, Vec3::X);
+}
+
+#[test]
 fn the_last_word_on_an_attribute_wins_over_derived_units() {
     let mut editor = editor();
     sac(&mut editor);
