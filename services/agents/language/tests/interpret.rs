@@ -358,3 +358,19 @@ fn it_is_what_a_question_was_about_and_more_repeats_a_change() {
     assert_ne!(changed(before, 0), meaning(&interpret(before, &[])), "nothing was changed");
     assert_ne!(changed("make the sac red", 1), meaning(&interpret("make the sac red", &[])), "red has no more");
 }
+
+#[test]
+fn other_talk_is_not_taken_for_a_misspelt_command() {
+    for said in [
+        "the coffee is getting cold",
+        "I have to pick up the kids at five",
+        "there is a fly in the room",
+        "I would love to visit Iceland one day",
+        "the bus stops right in front of the library",
+        "my shoes are still wet",
+        "hold on a second",
+    ] {
+        let intent = interpret(said, &[]);
+        assert!(intent.clauses.is_empty(), "“{said}”: {intent:?}");
+    }
+}

@@ -106,7 +106,7 @@ const FRAMES: [(&[&str], &[&str], &str); 44] = [
 const MOST_BEFORE: usize = 3;
 
 /// Whole utterances, and the command in their place.
-const WHOLE: [(&str, &str); 32] = [
+const WHOLE: [(&str, &str); 29] = [
     ("too dark", "make it brighter"),
     ("it's too dark", "make it brighter"),
     ("it is too dark", "make it brighter"),
@@ -130,9 +130,6 @@ const WHOLE: [(&str, &str); 32] = [
     ("forget the selection", "clear the selection"),
     ("hold it there", "pause the tour"),
     ("wait hold it there", "pause the tour"),
-    ("hold on a sec", "pause the tour"),
-    ("hold on a second", "pause the tour"),
-    ("hold on", "pause the tour"),
     ("stay here", "pause the tour"),
     ("wait here", "pause the tour"),
     ("stop here", "pause the tour"),

@@ -21,7 +21,7 @@ const MOST_READ: usize = 8;
 /// The utterance with its misspelt words repaired, and its reading. `None` if no way of spelling is understood, or if two are
 /// that mean different things.
 pub(super) fn repaired(reader: &Reader<'_>, text: &str) -> Option<(String, Sentence)> {
-    one_meaning(spellings(reader, text), |better| Some(reader.read(better)).filter(Sentence::is_certain))
+    one_meaning(spellings(reader, text, |_, _| true), |better| Some(reader.read(better)).filter(Sentence::is_certain))
 }
 
 /// As [`repaired`], for words that are understood in another form alone, or with a name that no unit has.
@@ -30,7 +30,7 @@ pub(super) fn respelled(
     text: &str,
     read: impl Fn(&str) -> Option<Sentence>,
 ) -> Option<(String, Sentence)> {
-    let mut spellings = spellings(reader, text);
+    let mut spellings = spellings(reader, text, is_slip);
     spellings.truncate(MOST_READ);
     one_meaning(spellings, read)
 }
@@ -48,14 +48,22 @@ fn one_meaning(spellings: Vec<String>, read: impl Fn(&str) -> Option<Sentence>) 
     found
 }
 
-/// The ways to spell the misspelt words of an utterance. There are none if too many words are.
-fn spellings(reader: &Reader<'_>, text: &str) -> Vec<String> {
+/// Whether a word has the letters of another in another order, or one more or fewer. With another letter in one place it may as well be
+/// a word of other talk: "five" is no slip for "give".
+fn is_slip(word: &str, meant: &str) -> bool {
+    is_swap(word, meant) || word.chars().count() != meant.chars().count()
+}
+
+/// The ways to spell the misspelt words of an utterance with words that may be meant. There are none if too many words are misspelt.
+fn spellings(reader: &Reader<'_>, text: &str, may_be: impl Fn(&str, &str) -> bool) -> Vec<String> {
     let tokens = token::tokens(text);
     let vocabulary = reader.vocabulary();
     let mut misspelt: Vec<(&Token, Vec<String>)> = Vec::new();
     for token in tokens.iter().filter(|t| t.kind == Kind::Word) {
         if !vocabulary.contains(&token.text) && !color::is_word(&token.text) {
-            let similar = similar_words(reader, &token.text);
+            let mut similar = similar_words(reader, &token.text);
+            similar.retain(|meant| may_be(&token.text, meant));
+            similar.truncate(MOST[1]);
             // A word with nothing similar may be a new name, so it stays.
             if !similar.is_empty() {
                 misspelt.push((token, similar));
@@ -105,7 +113,7 @@ fn similar<'v>(word: &str, vocabulary: &'v BTreeSet<String>) -> Vec<&'v str> {
         vocabulary.iter().filter_map(|other| Some((unlikeness(word, other)?, other.as_str()))).collect();
     found.sort_unstable();
     let least = found.first().map_or(0, |(distance, _)| *distance);
-    found.into_iter().filter(|(distance, _)| *distance == least).take(MOST[1]).map(|(_, word)| word).collect()
+    found.into_iter().filter(|(distance, _)| *distance == least).map(|(_, word)| word).collect()
 }
 
 /// How far a known word is from a spelling: edits, or 2 for one that sounds alike. `None`: too far.

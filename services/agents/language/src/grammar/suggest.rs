@@ -53,7 +53,7 @@ static TABLE_WORDS: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let phrases = TABLE
         .iter()
         .flat_map(|entry| entry.constructs.iter().flat_map(Construct::phrases).chain(entry.examples.iter().copied()));
-    phrases.flat_map(words).chain(COLORS.into_iter().map(str::to_owned)).collect()
+    phrases.flat_map(words).chain(COLORS.into_iter().chain(["please"]).map(str::to_owned)).collect()
 });
 
 /// Colours whose misspelling is repaired.

@@ -123,7 +123,7 @@ pub(super) const CUES: &[(Cue, &str)] = &[
     (And, "and | plus | as well as | together with | along with"),
     (
         Block,
-        "not | no | never | don't | dont | doesn't | isn't | won't | wouldn't | shouldn't | mustn't | neither | nor | if | \
+        "getting | not | no | never | don't | dont | doesn't | isn't | won't | wouldn't | shouldn't | mustn't | neither | nor | if | \
          unless | until | while | before | after | because | when | why | who | whom | how | what | where | whether | \
          delete | erase | wipe | purge | destroy | crop | cut | export | download | upload | send | mail | save | \
          store | keep | remember | open | load | import | rename | name | call | label | merge | combine | join | \
