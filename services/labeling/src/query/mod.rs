@@ -196,12 +196,12 @@ mod tests {
     #[test]
     fn a_look_means_the_part_before_what_its_parts_cover() {
         let blue = [0.1, 0.2, 0.9];
-        let items = [ball("others", 2.0, blue), ball("sac", 1.0, blue), ball("bone", 2.0, [0.9, 0.9, 0.8])];
+        let items = [ball("residue", 2.0, blue), ball("sac", 1.0, blue), ball("bone", 2.0, [0.9, 0.9, 0.8])];
         let scene = |covered| Scene::new(items.clone(), Frame::XYZ).unwrap().with_covered(covered);
         assert_eq!(found(&scene(Vec::new()), "the blue one"), ('?', vec![0, 1]));
         let scene = scene(vec![true, false, false]);
         assert_eq!(found(&scene, "the blue one"), ('=', vec![1]));
-        assert_eq!(found(&scene, "the others"), ('=', vec![0]), "its name means it all the same");
+        assert_eq!(found(&scene, "the residue"), ('=', vec![0]), "its name means it all the same");
     }
 
     #[test]
