@@ -211,12 +211,10 @@ impl Window<'_> {
             let at = [middle[0] + (reach * angle.cos()) as i32, middle[1] + (reach * angle.sin()) as i32];
             let stroke: Vec<[i32; 2]> = (0..6).map(|k| [at[0] + 5 * k, at[1] + 2 * k]).collect();
             self.desk.screen.drag(&stroke).unwrap();
-            tokio::time::sleep(Duration::from_millis(400)).await;
-            let state = self.bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-            if selected(&state) > 0 {
+            if super::selected_soon(&self.bus, Duration::from_secs(3)).await.is_some() {
                 break;
             }
-            assert!(begun.elapsed() < PATIENCE, "{}: a stroke selects nothing", self.file.path);
+            assert!(begun.elapsed() < 2 * PATIENCE, "{}: a stroke selects nothing", self.file.path);
         }
         // The region is there when the selection rests.
         let mut before = 0;

@@ -151,22 +151,30 @@ fn a_person_brushes_names_speaks_and_closes() {
 }
 
 /// Drags until something is selected. The front surface has to be known before a tool can begin on it, so what finds nothing is
-/// repeated. A busy machine takes its time, and a repetition that comes too early would be a second step of the history.
+/// repeated.
 async fn drag_until_selected(screen: &Screen, bus: &Bus, places: &[[i32; 2]], what: &str) -> State {
-    const TIME_TO_SELECT: Duration = Duration::from_secs(8);
     let begun = Instant::now();
     loop {
         screen.drag(places).unwrap();
-        let dragged = Instant::now();
-        while dragged.elapsed() < TIME_TO_SELECT {
-            let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
-            if selected(&state) > 0 {
-                return state;
-            }
-            assert!(begun.elapsed() < PATIENCE, "{what} selects nothing: {state:?}");
-            tokio::time::sleep(Duration::from_millis(50)).await;
+        if let Some(state) = selected_soon(bus, Duration::from_secs(8)).await {
+            return state;
         }
+        assert!(begun.elapsed() < PATIENCE, "{what} selects nothing");
     }
+}
+
+/// The scene once something is selected; `None` if nothing is within `patience`. A busy machine takes its time, and a stroke that is
+/// repeated too early would be a second one.
+async fn selected_soon(bus: &Bus, patience: Duration) -> Option<State> {
+    let begun = Instant::now();
+    while begun.elapsed() < patience {
+        let state = bus.newest(&keys::SCENE_STATE, &soon()).await.unwrap();
+        if selected(&state) > 0 {
+            return Some(state);
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    None
 }
 
 /// Selects with a polygon about the body at `x`, and with a sphere on it, and takes back both. The selection ends as it begins, with
