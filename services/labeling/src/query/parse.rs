@@ -92,7 +92,7 @@ const LEADS: [&str; 46] = [
     "search",
 ];
 /// Nouns without a meaning of their own.
-const GENERIC: [&str; 33] = [
+const GENERIC: [&str; 31] = [
     "thing",
     "one",
     "part",
@@ -122,8 +122,6 @@ const GENERIC: [&str; 33] = [
     "blob",
     "lump",
     "bit",
-    "balloon",
-    "bubble",
     "tangle",
     "network",
 ];

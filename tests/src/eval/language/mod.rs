@@ -2,7 +2,7 @@
 //!
 //! `supergaussian eval language`. An utterance is right if the state after it meets all of its conditions, and nothing else has
 //! changed. Each one begins from the same state. The authors of the sets had not seen how the program reads language. Failures of the
-//! first set were looked at, those of the second were only counted.
+//! first two sets were looked at, and those of every second utterance of the third. The others of the third were only counted.
 
 pub mod condition;
 pub mod outcome;

@@ -39,7 +39,7 @@ fn before<'t>(tokens: &'t [Token], ends: &[&str]) -> Option<&'t [Token]> {
 }
 
 /// Without politeness at both ends.
-fn core(tokens: &[Token]) -> &[Token] {
+pub(super) fn core(tokens: &[Token]) -> &[Token] {
     let mut rest = trimmed(tokens);
     loop {
         let shorter = after(rest, &LEADS).or_else(|| before(rest, &TAILS)).map(trimmed);

@@ -248,8 +248,7 @@ fn named_as(source: &str, tokens: &[Token]) -> Option<String> {
         Some((from, from + words.len()))
     };
     let (from, to) = NAMING.iter().filter_map(place).min_by_key(|(from, to)| (*from, std::cmp::Reverse(*to)))?;
-    let end = tokens.iter().rposition(|t| !matches!(t.kind, Kind::Mark(_)) && t.text != "please")? + 1;
-    let (head, name) = (tokens.get(..from)?, text_of(source, tokens.get(to..end)?));
+    let (head, name) = (tokens.get(..from)?, text_of(source, plain_form::core(tokens.get(to..)?)));
     let has = |words: &[&str]| head.iter().any(|t| words.contains(&t.text.as_str()));
     if name.is_empty() {
         None
@@ -395,6 +394,7 @@ mod tests {
             ("What I brushed there is the carotid. Please label it carotid.", "save the selection as carotid"),
             ("label: branch1", "save the selection as branch1"),
             ("which one is the sac?", "what is the sac"),
+            ("the clip shall be called Yasargil from now on", "rename the clip to Yasargil"),
             ("It\u{2019}s too dark!", "make it brighter"),
             ("make the sac red but keep the vessel as it is", "make the sac red"),
         ] {
