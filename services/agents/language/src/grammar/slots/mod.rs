@@ -133,6 +133,8 @@ impl Slots {
         // Whether a conjunction or a comma stands before the next thing.
         let mut is_joined = true;
         let mut is_exception = false;
+        // What was told before the last thing.
+        let mut told = 0;
         while let Some(first) = remaining(&input).first() {
             let tokens = remaining(&input);
             let length = match first.kind {
@@ -144,7 +146,12 @@ impl Slots {
                 Kind::Color(_) | Kind::Number(_) | Kind::Word => {
                     let (length, thing) = slots.take(&input, tokens, is_exception)?;
                     if thing {
-                        slots.is_scattered |= !std::mem::replace(&mut is_joined, false);
+                        // "The sac red and …": what follows a value is no more of its things.
+                        let things = slots.parts.iter().filter(|part| matches!(part, Part::Thing(_))).count();
+                        let is_first = things + slots.exceptions.len() == 1;
+                        let is_apart = !is_first && !is_exception && slots.told() > told;
+                        slots.is_scattered |= !std::mem::replace(&mut is_joined, false) || is_apart;
+                        told = slots.told();
                     } else {
                         let taken = tokens.get(..length).unwrap_or_default();
                         let joins = matches!(cue_at(taken), Some((Cue::And | Cue::Except, _)));
@@ -157,6 +164,12 @@ impl Slots {
             phrase::advance(&mut input, length.max(1));
         }
         (slots.parts.len() + slots.exceptions.len() <= 2 * MOST_THINGS).then_some(slots)
+    }
+
+    /// Number of cues, colours and amounts so far, without conjunctions.
+    fn told(&self) -> usize {
+        let colors = self.parts.iter().filter(|part| matches!(part, Part::Color(_))).count();
+        colors + self.amounts.len() + self.cues.iter().filter(|cue| !matches!(cue, Cue::And | Cue::Except)).count()
     }
 
     /// Takes what begins here; returns its number of tokens, and whether it is a thing.
@@ -388,6 +401,8 @@ mod tests {
             "denoise the scan and resample it to one millimetre",
             "delete the bone",
             "hide the bone and make the sac red",
+            "make the sac red and dance",
+            "hide the sac and the moon at 40 percent and dance",
             "the bone",
             "thirty percent",
             "red",
