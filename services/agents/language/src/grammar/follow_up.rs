@@ -93,14 +93,14 @@ pub(super) fn of(reader: &Reader<'_>, source: &str, tokens: &[Token], before: &s
         SAME_FOR.iter().find(|opening| lower.strip_prefix(**opening).is_some_and(|rest| rest.starts_with(' ')));
     let object = opening.map_or(object, |opening| object.get(opening.len()..).unwrap_or(object)).trim();
     let texts = [format!("{before} and the same for {object}"), format!("{before} and {object}")];
-    let [same, also] = texts.each_ref().map(|text| continued(reader, text, &last));
-    let same = same.filter(Sentence::is_certain);
+    let [named, also] = texts.map(|text| continued(reader, &text, &last));
+    let also = also.filter(Sentence::is_certain);
+    let same = named.clone().filter(Sentence::is_certain);
     if opening.is_some() || ending.is_some() {
-        let [named, _] = texts.map(|text| continued(reader, &text, &last));
-        return same.or(also.filter(Sentence::is_certain)).or(named);
+        return same.or(also).or(named);
     }
     // A name alone could mean anything; a value alone belongs to the last target.
-    also.filter(|also| same.is_none() && also.is_certain())
+    also.filter(|_| same.is_none())
 }
 
 /// Ways to ask for more of the last change.
@@ -142,12 +142,9 @@ pub(super) fn with_described(reader: &Reader<'_>, source: &str, tokens: &[Token]
         return None;
     }
     let (_, described) = read_before(reader, &last.utterance)?;
-    let [Clause { target: Some(target), .. }] = described.clauses.as_slice() else { return None };
-    let is_described = described.clauses.iter().all(|clause| clause.act() == Act::Describe);
+    let [clause] = described.clauses.as_slice() else { return None };
+    let target = clause.target.as_ref().filter(|target| clause.act() == Act::Describe && !target.complement)?;
     let [name] = target.names.as_slice() else { return None };
-    if !is_described || target.complement {
-        return None;
-    }
     let name = if name.starts_with("the ") { name.clone() } else { format!("the {name}") };
     let (mut text, mut done) = (String::new(), 0);
     for token in tokens.iter().filter(|t| is_it(t)) {

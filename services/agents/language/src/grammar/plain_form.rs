@@ -6,6 +6,7 @@ use self::phrases::{
     AMOUNT_WORDS, AMOUNTS, APART, BECOMES, HOMOPHONES, INTERESTS, LEADS, MODALS, OPINIONS, REMARKS, SOFTENERS, STATES,
     TAILS, TRANSPARENCIES, WISHES,
 };
+use super::word_pattern::after_any as after;
 use crate::color;
 use crate::syntax::token::{Kind, Token, begins_with, text_of};
 
@@ -19,13 +20,6 @@ fn trimmed(tokens: &[Token]) -> &[Token] {
     let from = tokens.iter().position(|t| !is_mark(t)).unwrap_or(tokens.len());
     let to = tokens.iter().rposition(|t| !is_mark(t)).map_or(from, |last| last + 1);
     tokens.get(from..to).unwrap_or_default()
-}
-
-/// The rest behind the longest of some beginnings.
-fn after<'t>(tokens: &'t [Token], beginnings: &[&str]) -> Option<&'t [Token]> {
-    let fits = beginnings.iter().map(|phrase| words(phrase)).filter(|words| begins_with(tokens, words));
-    let length = fits.map(|words| words.len()).max()?;
-    tokens.get(length..)
 }
 
 /// The part before the longest of some ends.
