@@ -21,15 +21,7 @@ impl Transaction<'_> {
         let target = self.state.resolve(command.target.as_ref())?;
         self.refuse_locked(&target)?;
         for unit in self.base_and_named(&target) {
-            match unit {
-                UnitRef::Base(i) => {
-                    let file = self.initial.base.get(self.state.file_unit(i)).map(|b| b.palette);
-                    if let (Some(base), Some(palette)) = (self.state.base.get_mut(i), color.or(file)) {
-                        base.palette = palette;
-                    }
-                }
-                UnitRef::Editable(id) => self.with_unit(id, |unit| unit.color = color),
-            }
+            self.paint(unit, color);
         }
         self.supersede_named(Attribute::Color, &target)?;
         if target.everything {
@@ -48,15 +40,7 @@ impl Transaction<'_> {
             } else {
                 self.supersede(Attribute::Color, members, None)?;
                 for unit in self.units_inside(members) {
-                    match unit {
-                        UnitRef::Base(i) => {
-                            let file = self.initial.base.get(self.state.file_unit(i)).map(|b| b.palette);
-                            if let (Some(base), Some(palette)) = (self.state.base.get_mut(i), file) {
-                                base.palette = palette;
-                            }
-                        }
-                        UnitRef::Editable(id) => self.with_unit(id, |unit| unit.color = None),
-                    }
+                    self.paint(unit, None);
                 }
             }
         }
@@ -217,6 +201,19 @@ impl Transaction<'_> {
         let id = self.derived_or_new(here, members, target)?;
         self.with_unit(id, |unit| unit.visible = false);
         Ok(id)
+    }
+
+    /// Sets the colour of a unit; `None` restores that of the file.
+    fn paint(&mut self, unit: UnitRef, color: Option<Vec3>) {
+        match unit {
+            UnitRef::Base(i) => {
+                let file = self.initial.base.get(self.state.file_unit(i)).map(|b| b.palette);
+                if let (Some(base), Some(palette)) = (self.state.base.get_mut(i), color.or(file)) {
+                    base.palette = palette;
+                }
+            }
+            UnitRef::Editable(id) => self.with_unit(id, |unit| unit.color = color),
+        }
     }
 
     fn saved_units_mut(&mut self) -> impl Iterator<Item = &mut Unit> {
