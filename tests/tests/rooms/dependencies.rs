@@ -7,7 +7,7 @@ use std::process::Command;
 const HEAVY: [&str; 10] = ["zenoh", "tokio", "rusqlite", "egui", "winit", "openxr", "wgpu", "reqwest", "tonic", "clap"];
 
 /// Library, and the crates of [`HEAVY`] that are its subject.
-pub(crate) const LIBRARIES: [(&str, &[&str]); 24] = [
+pub(crate) const LIBRARIES: [(&str, &[&str]); 25] = [
     ("sg-input", &[]),
     ("sg-proto", &[]),
     ("sg-scene", &[]),
@@ -27,6 +27,7 @@ pub(crate) const LIBRARIES: [(&str, &[&str]); 24] = [
     ("sg-whisper", &[]),
     ("sg-piper", &[]),
     ("sg-language", &[]),
+    ("sg-sentence-model", &[]),
     ("sg-raster", &[]),
     ("sg-gpu", &["wgpu"]),
     ("sg-viewer", &["egui", "winit", "openxr", "wgpu"]),

@@ -327,7 +327,7 @@ fn processes_are_started_by_launch_only() {
 }
 
 /// Folder of a package, its name, and the packages of ours that it may depend on.
-const MAP: [(&str, &str, &[&str]); 39] = [
+const MAP: [(&str, &str, &[&str]); 40] = [
     ("proto", "sg-proto", &[]),
     ("services/input", "sg-input", &[]),
     ("services/confinement", "sg-confinement", &[]),
@@ -405,7 +405,8 @@ const MAP: [(&str, &str, &[&str]); 39] = [
     ("services/labeling/encoders", "sg-encoders", &["sg-input", "sg-layers"]),
     ("services/speech/whisper", "sg-whisper", &["sg-input", "sg-layers", "sg-speech"]),
     ("services/speech/piper", "sg-piper", &["sg-input", "sg-layers", "sg-speech"]),
-    ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto"]),
+    ("services/agents/language", "sg-language", &["sg-color", "sg-input", "sg-proto", "sg-sentence-model"]),
+    ("services/agents/sentence-model", "sg-sentence-model", &["sg-color"]),
     ("services/endpoint", "sg-endpoint", &[]),
     ("services/agents/llm", "sg-llm", &["sg-endpoint", "sg-language", "sg-proto"]),
     ("services/agents/core", "supergaussian-agent-core", &["sg-language", "sg-llm", "sg-proto", "sg-runtime"]),

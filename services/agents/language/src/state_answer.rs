@@ -2,7 +2,7 @@
 
 use sg_proto::language::Way;
 use sg_proto::render::Frame;
-use sg_proto::scene::{LightMode, State, Vector};
+use sg_proto::scene::{Color, LightMode, State, Vector};
 
 use crate::color;
 use crate::query::{UnitSummary, coverage, summaries};
@@ -107,7 +107,12 @@ pub(crate) fn is_visible(name: &str, state: &State) -> bool {
     unit(name, state).is_some_and(|unit| is_seen(&unit))
 }
 
-/// The colour of a unit. `None`: no such unit.
+/// The colour of a unit. `None`: no such unit, or one with its original colours.
+pub(crate) fn own_color(name: &str, state: &State) -> Option<Color> {
+    unit(name, state)?.color.copied()
+}
+
+/// The colour of a unit in words. `None`: no such unit.
 pub(crate) fn color_of(name: &str, state: &State) -> Option<String> {
     let unit = unit(name, state)?;
     let text = match unit.color {
@@ -202,7 +207,7 @@ pub(crate) fn light(state: &State) -> String {
 mod tests {
     use super::*;
     use sg_proto::render::UnitCoverage;
-    use sg_proto::scene::{BaseUnit, Color, Light, Unit};
+    use sg_proto::scene::{BaseUnit, Light, Unit};
 
     fn scene() -> State {
         let base = |name: &str, opacity, visible, locked| BaseUnit {

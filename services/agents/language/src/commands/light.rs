@@ -3,7 +3,7 @@
 use sg_proto::bus::Code;
 use sg_proto::language::{Act, Clause};
 use sg_proto::scene::command::Action;
-use sg_proto::scene::{SetLight, Vector};
+use sg_proto::scene::{LightMode, SetLight, Vector};
 use winnow::Parser;
 use winnow::combinator::{alt, opt, peek};
 use winnow::error::EmptyError;
@@ -49,6 +49,7 @@ pub(super) const SET_LIGHT: Command = Command {
             Ellipsis::Verb,
             words,
         ),
+        Construct::new("reset | restore", original),
     ],
     examples: &[
         "brighter",
@@ -62,6 +63,7 @@ pub(super) const SET_LIGHT: Command = Command {
         "make it shinier",
         "turn down the light",
         "set the ambient light to 50 %",
+        "reset the light",
     ],
     fields: &[Field::required("light")],
     effect: Effect::Visible,
@@ -90,6 +92,22 @@ fn words(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
     skip("on | mode").parse_next(input)?;
     end(input)?;
     Ok(light(change))
+}
+
+/// Parses "the light": that of a scene which nobody changed.
+fn original(_: Verb, input: &mut Input<'_>) -> Outcome<Reading> {
+    article(input)?;
+    exactly("light | lights | lighting | illumination").parse_next(input)?;
+    end(input)?;
+    let one = Some(1.0);
+    Ok(light(SetLight {
+        mode: LightMode::Headlight.into(),
+        ambient: one,
+        diffuse: one,
+        specular: one,
+        shininess: one,
+        ..SetLight::default()
+    }))
 }
 
 /// Parses "the ambient light to 50 %", "the light brighter", "the lights up a bit", "specular off".

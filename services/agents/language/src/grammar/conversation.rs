@@ -316,8 +316,13 @@ const KEEPING: [Act; 12] = [
 ];
 
 /// An intent that is an answer alone.
-fn answering(answer: impl Into<String>) -> Intent {
+pub(super) fn answering(answer: impl Into<String>) -> Intent {
     Intent { answer: answer.into(), backend: super::NAME.to_owned(), ..Intent::default() }
+}
+
+/// The answer to a sentence that nothing shall be done.
+pub(super) fn unchanged() -> Intent {
+    answering("Nothing was changed.")
 }
 
 /// The answer to a question about the state of the scene. It is shorter than the description that a command gives.
@@ -347,7 +352,7 @@ pub(super) fn of(
     }
     // Clauses beside a negation are those of other sentences.
     if literal.clauses.is_empty() && is_unwanted(said) {
-        return Some(answering("Nothing was changed."));
+        return Some(unchanged());
     }
     if let Some(answer) = how_to(reader, text, said) {
         return Some(answering(answer));

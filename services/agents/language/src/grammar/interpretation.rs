@@ -8,9 +8,10 @@ use sg_proto::language::{Act, Clause, Intent, IntentRequest};
 
 use super::forms::{self, MOST_UNKNOWN, certain, is_safe, repaired, understood};
 use super::sentence::Sentence;
+use super::sentence_model::Meaning;
 use super::{
-    Reader, UtteranceError, conversation, correction, follow_up, missing, plain_form, self_correction, spelling,
-    tokens_of,
+    Reader, UtteranceError, conversation, correction, follow_up, missing, plain_form, scope, self_correction,
+    sentence_model, spelling, tokens_of,
 };
 use crate::color;
 use crate::syntax::token::{self, Token};
@@ -119,8 +120,30 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     {
         return Ok(repaired(sentence, text, String::new()));
     }
+    if let Some(intent) = by_examples(&reader, text, &literal) {
+        return Ok(intent);
+    }
     let intent = withhold(reader.intent(text, &tokens, literal));
     Ok(conversation::finished(&reader, &tokens, intent))
+}
+
+/// The intent of an utterance that is like examples of other people's words. A command counts if it does all that the literal reading
+/// does: then what that does not understand is a reason or a remark.
+fn by_examples(reader: &Reader<'_>, text: &str, literal: &Sentence) -> Option<Intent> {
+    match sentence_model::of(reader, text)? {
+        Meaning::Command(form, sentence) => {
+            let does = |clause: &Clause| sentence.clauses.iter().any(|other| other.act() == clause.act());
+            // A name that no unit has may be known to the labeling service.
+            let is_better = sentence.unknown == 0 || !literal.not_understood.is_empty();
+            (is_better && literal.clauses.iter().all(does)).then(|| repaired(sentence, text, form))
+        }
+        Meaning::Nothing if literal.clauses.is_empty() => Some(conversation::unchanged()),
+        Meaning::OutOfScope if literal.clauses.is_empty() => {
+            let not_understood = literal.not_understood.clone();
+            Some(Intent { not_understood, ..conversation::answering(scope::nothing_known()) })
+        }
+        _ => None,
+    }
 }
 
 /// The reading of a text in the first of its forms that is understood, the sure ones first. A look tells what it does.
@@ -129,6 +152,7 @@ fn in_any_form(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
     let all = || std::iter::once(text).chain(forms.iter().map(String::as_str));
     let sure = all().find_map(|form| certain(reader, form).filter(is_safe));
     sure.or_else(|| all().find_map(|form| understood(reader, form)))
+        .or_else(|| sentence_model::command(reader, text).map(|(_, sentence)| sentence))
 }
 
 /// The clauses of an utterance whose parts are all understood, each in some form: "bone at 15 %, tissue off, white background".

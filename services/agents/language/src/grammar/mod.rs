@@ -32,6 +32,7 @@ mod rewording;
 mod scope;
 mod self_correction;
 mod sentence;
+mod sentence_model;
 mod slots;
 mod spelling;
 mod suggest;
@@ -43,7 +44,7 @@ use std::sync::LazyLock;
 
 use sg_proto::language::{Intent, Observation};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
-use sg_proto::scene::{BaseUnit, Selection, State, View};
+use sg_proto::scene::{BaseUnit, Selection, State};
 use winnow::stream::TokenSlice;
 
 use crate::syntax::phrase::{Input, ParseContext};
@@ -111,7 +112,7 @@ struct Reader<'o> {
     normalized_views: Vec<(String, Vec<String>)>,
     has_selection: bool,
     has_focus: bool,
-    view: Option<&'o View>,
+    scene: Option<&'o State>,
     /// Readings of the texts so far: the forms of an utterance are looked at for one meaning after another.
     readings: RefCell<HashMap<String, Sentence>>,
     /// Words of the commands and of the names.
@@ -134,7 +135,7 @@ impl<'o> Reader<'o> {
             kept_views,
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
-            view: scene.and_then(|s| s.view.as_ref()),
+            scene,
             readings: RefCell::default(),
             vocabulary: OnceCell::new(),
             similar_words: RefCell::default(),
@@ -171,7 +172,7 @@ impl<'o> Reader<'o> {
             opening_lemmas: &OPENINGS.first_lemmas,
             has_selection: self.has_selection,
             has_focus: self.has_focus,
-            view: self.view,
+            view: self.scene.and_then(|scene| scene.view.as_ref()),
             readings_left: Cell::new(MAX_READINGS),
         }
     }
