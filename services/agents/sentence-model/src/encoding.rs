@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::table::Table;
 
 /// First bytes of an encoded model.
-const MAGIC: &[u8; 8] = b"sgsent01";
+const MAGIC: &[u8; 8] = b"sgsent02";
 
 /// Most features, commands and bytes of a command that are read.
 const MOST_FEATURES: usize = 1 << 22;
@@ -41,6 +41,8 @@ impl Model {
         table(&mut bytes, &self.classifier.table);
         self.chain.transitions.iter().for_each(|row| floats(&mut bytes, row));
         table(&mut bytes, &self.chain.table);
+        count(&mut bytes, self.vocabulary.len());
+        self.vocabulary.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
         bytes
     }
 
@@ -65,11 +67,12 @@ impl Model {
             row.copy_from_slice(&input.floats(LABELS)?);
         }
         let chain = Chain { transitions, table: input.table(LABELS)? };
-        if input.rest.is_empty() {
-            Ok(Self { commands, classifier, chain })
-        } else {
-            Err(ModelError::Length(bytes.len()))
+        let number = input.count(MOST_FEATURES, "number of words")?;
+        let vocabulary = input.hashes(number)?;
+        if !input.rest.is_empty() {
+            return Err(ModelError::Length(bytes.len()));
         }
+        Ok(Self { commands, classifier, chain, vocabulary })
     }
 }
 
@@ -117,13 +120,15 @@ impl<'b> Input<'b> {
         if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(ModelError::Value("weight")) }
     }
 
+    fn hashes(&mut self, number: usize) -> Result<Vec<u64>, ModelError> {
+        let hashes: Result<Vec<u64>, _> = (0..number).map(|_| Ok(u64::from_le_bytes(self.array()?))).collect();
+        let hashes = hashes?;
+        if hashes.is_sorted() { Ok(hashes) } else { Err(ModelError::Value("order of hashes")) }
+    }
+
     fn table(&mut self, width: usize) -> Result<Table, ModelError> {
         let number = self.count(MOST_FEATURES, "number of features")?;
-        let features: Result<Vec<u64>, _> = (0..number).map(|_| Ok(u64::from_le_bytes(self.array()?))).collect();
-        let features = features?;
-        if !features.is_sorted() {
-            return Err(ModelError::Value("order of features"));
-        }
+        let features = self.hashes(number)?;
         let scales = self.floats(number)?;
         let weights = self.take(number * width)?.iter().map(|byte| i8::from_le_bytes([*byte])).collect();
         Ok(Table { width, features, scales, weights })

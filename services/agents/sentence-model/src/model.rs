@@ -1,5 +1,6 @@
 //! A model of sentences: training and reading.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use rand::SeedableRng as _;
@@ -7,11 +8,15 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::chain::Chain;
 use crate::classifier::Classifier;
-use crate::examples::{Examples, Slot};
+use crate::examples::{Examples, Filled, Slot};
+use crate::table::feature;
 use crate::words::{Kind, Names, words};
 
 /// Times that each sentence is filled with other values.
 const FILLINGS: usize = 3;
+
+/// Least number of sentences with a word that is known.
+const LEAST_SENTENCES: usize = 3;
 
 /// Most bytes of a sentence that is read.
 const MOST_BYTES: usize = 1024;
@@ -22,6 +27,8 @@ pub struct Model {
     pub(crate) commands: Vec<String>,
     pub(crate) classifier: Classifier,
     pub(crate) chain: Chain,
+    /// Hashes of the words that several sentences have, ascending.
+    pub(crate) vocabulary: Vec<u64>,
 }
 
 /// What a sentence may mean.
@@ -33,8 +40,29 @@ pub struct Reading<'m> {
     pub probability: f32,
     /// Slots and their bytes in the sentence, in its order.
     pub slots: Vec<(Slot, Range<usize>)>,
-    /// Whether the sentence has a number that stands in no slot.
-    pub has_number_left: bool,
+    /// Numbers of the sentence that stand in no slot.
+    pub numbers_left: usize,
+    /// Colours of the sentence that stand in no slot.
+    pub colors_left: usize,
+    /// Names of the scene in the sentence that stand in no slot.
+    pub names_left: usize,
+}
+
+/// The words that several sentences have. The same in other slots counts once.
+fn vocabulary(filled: &[Filled]) -> Vec<u64> {
+    let mut counts: HashMap<u64, (usize, usize)> = HashMap::new();
+    for sentence in filled {
+        let own = sentence.words.iter().zip(&sentence.slots).filter(|(_, slot)| slot.is_none());
+        for (word, _) in own {
+            let (count, last) = counts.entry(feature(&[&word.text])).or_insert((0, usize::MAX));
+            *count += usize::from(*last != sentence.template);
+            *last = sentence.template;
+        }
+    }
+    let mut known: Vec<u64> =
+        counts.into_iter().filter(|(_, (count, _))| *count >= LEAST_SENTENCES).map(|(word, _)| word).collect();
+    known.sort_unstable();
+    known
 }
 
 impl Model {
@@ -45,13 +73,19 @@ impl Model {
         let filled = examples.filled(FILLINGS, &mut random);
         let commands = examples.commands().to_vec();
         let classifier = Classifier::train(&filled, commands.len(), &mut random);
-        Self { classifier, chain: Chain::train(&filled, &commands), commands }
+        Self { classifier, chain: Chain::train(&filled, &commands), vocabulary: vocabulary(&filled), commands }
     }
 
     /// The commands.
     #[must_use]
     pub fn commands(&self) -> &[String] {
         &self.commands
+    }
+
+    /// Whether a word in lower case occurs in several sentences of the examples, so that it is hardly misspelt.
+    #[must_use]
+    pub fn knows(&self, word: &str) -> bool {
+        self.vocabulary.binary_search(&feature(&[word])).is_ok()
     }
 
     /// The likeliest meaning of a sentence in a scene with these names. `None`: there is no word, or the sentence has more than a
@@ -70,16 +104,24 @@ impl Model {
         let command = self.commands.get(best)?;
         let mut slots: Vec<(Slot, Range<usize>)> = Vec::new();
         let mut before = None;
-        let mut has_number_left = false;
+        let mut left: Vec<Kind> = Vec::new();
         for (word, slot) in words.iter().zip(self.chain.slots(&words, command)) {
             match (slot, slots.last_mut()) {
                 (Some(slot), Some((_, place))) if before == Some(slot) => place.end = word.place.end,
                 (Some(slot), _) => slots.push((slot, word.place.clone())),
                 (None, _) => {}
             }
-            has_number_left |= slot.is_none() && word.kind == Kind::Number;
+            left.extend(slot.is_none().then_some(word.kind));
             before = slot;
         }
-        Some(Reading { command, probability: *probability, slots, has_number_left })
+        let number_of = |kind: Kind| left.iter().filter(|other| **other == kind).count();
+        Some(Reading {
+            command,
+            probability: *probability,
+            slots,
+            numbers_left: number_of(Kind::Number),
+            colors_left: number_of(Kind::Color),
+            names_left: number_of(Kind::Name),
+        })
     }
 }

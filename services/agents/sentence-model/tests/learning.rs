@@ -67,6 +67,13 @@ fn probabilities_are_of_one_and_foreign_sentences_have_small_ones() {
 }
 
 #[test]
+fn what_no_slot_takes_is_counted() {
+    let reading = |sentence: &str| model().read(sentence, ["dome", "sac"]).unwrap().colors_left;
+    assert_eq!((reading("paint the dome teal"), reading("thanks a lot for the teal")), (0, 1));
+    assert!(model().knows("paint") && !model().knows("piant") && !model().knows("teal"));
+}
+
+#[test]
 fn training_and_bytes_are_the_same_each_time() {
     let model = model();
     let bytes = model.encode();

@@ -5,7 +5,7 @@ use sg_proto::language::{Act, Clause, Intent, IntentRequest, Observation};
 use super::forms::repaired;
 use super::sentence::Sentence;
 use super::word_pattern::{after, after_any, core, matched, matches_any, words};
-use super::{Reader, interpret, question, scope, suggest};
+use super::{Reader, interpret, question, scope, sentence_model, suggest};
 use crate::commands::table::TABLE;
 use crate::report;
 use crate::syntax::token::{self, Token};
@@ -363,6 +363,10 @@ pub(super) fn of(
     // What is known to be impossible is not taken for a misspelt command.
     let is_unread = literal.clauses.is_empty() && !literal.not_understood.is_empty();
     let refusal = is_unread.then(|| scope::refusal(reader, &all)).flatten()?;
+    // "Red is too alarming for the patient, make it teal" asks for no medical advice.
+    if sentence_model::command(reader, text).is_some() {
+        return None;
+    }
     Some(Intent { not_understood: literal.not_understood.clone(), ..answering(refusal) })
 }
 

@@ -54,10 +54,15 @@ pub(super) fn of(reader: &Reader<'_>, text: &str, tokens: &[Token]) -> Vec<Strin
 
 /// The reading of a text that has a meaning but for names, and can be taken back.
 pub(super) fn understood(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
+    whole(reader, text).filter(is_safe)
+}
+
+/// The reading of a text that has a meaning but for names.
+pub(super) fn whole(reader: &Reader<'_>, text: &str) -> Option<Sentence> {
     let is_whole = |sentence: &Sentence| {
         sentence.not_understood.is_empty() && !sentence.clauses.is_empty() && sentence.unknown <= MOST_UNKNOWN
     };
-    Some(reader.read(text)).filter(is_whole).filter(is_safe)
+    Some(reader.read(text)).filter(is_whole)
 }
 
 /// The reading of a text that is understood with known names alone.

@@ -52,7 +52,9 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     let observation = request.observation.clone().unwrap_or_default();
     let text = request.text.as_str();
     let tokens = tokens_of(text)?;
-    let reader = Reader::new(&observation);
+    let is_tour = |text: &str| text.to_lowercase().contains("tour");
+    let speaks_of_tour = is_tour(text) || request.conversation.iter().any(|turn| is_tour(&turn.utterance));
+    let reader = Reader { speaks_of_tour, ..Reader::new(&observation) };
     let last = request.conversation.last();
     let described = last.and_then(|last| follow_up::with_described(&reader, text, &tokens, last));
     let (text, tokens) = match &described {

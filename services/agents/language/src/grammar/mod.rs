@@ -113,6 +113,8 @@ struct Reader<'o> {
     has_selection: bool,
     has_focus: bool,
     scene: Option<&'o State>,
+    /// Whether the conversation was about a tour, so that "hold on" may mean it.
+    speaks_of_tour: bool,
     /// Readings of the texts so far: the forms of an utterance are looked at for one meaning after another.
     readings: RefCell<HashMap<String, Sentence>>,
     /// Words of the commands and of the names.
@@ -136,6 +138,7 @@ impl<'o> Reader<'o> {
             has_selection: scene.and_then(|s| s.selection.as_ref()).is_some_and(|s| s.count > 0),
             has_focus: scene.is_some_and(|s| !s.focus.is_empty()),
             scene,
+            speaks_of_tour: false,
             readings: RefCell::default(),
             vocabulary: OnceCell::new(),
             similar_words: RefCell::default(),

@@ -10,7 +10,7 @@ use sg_proto::scene::Color;
 use sg_sentence_model::{Model, Reading, Slot};
 
 use super::Reader;
-use super::forms::{certain, is_safe, understood};
+use super::forms::{certain, is_safe, understood, whole};
 use super::sentence::Sentence;
 use crate::syntax::token;
 use crate::{color, state_answer};
@@ -19,8 +19,11 @@ use crate::{color, state_answer};
 const LIKELY: f32 = 0.45;
 
 /// Least probability of a command that deletes, names, takes back or steers a tour, of a sentence that asks for nothing, and of one with a
-/// number that its command does not take.
+/// number, a colour or a name that its command does not take.
 const SURE: f32 = 0.7;
+
+/// Least probability of a command that deletes or names what no unit is called, and of one beside a colour that it does not take.
+const CERTAIN: f32 = 0.8;
 
 /// Commands of the examples that the grammar has in other words.
 const WORDS: [(&str, &str); 3] =
@@ -70,6 +73,11 @@ const SIDES: [(&str, &[&str]); 6] = [
 /// Words that stand for a thing that was named before.
 const PRONOUNS: [&str; 7] = ["it", "them", "this", "that", "these", "those", "its"];
 
+/// Words that begin an exception, and words that end one.
+const EXCEPTIONS: [&str; 12] = [
+    "except", "excepted", "excluding", "without", "apart", "save", "besides", "bar", "minus", "isn't", "aren't", "not",
+];
+
 /// Words around an amount that change little.
 const ABOUT: [&str; 14] = [
     "about",
@@ -91,6 +99,11 @@ const ABOUT: [&str; 14] = [
 static MODEL: LazyLock<Option<Model>> =
     LazyLock::new(|| Model::decode(include_bytes!(concat!(env!("OUT_DIR"), "/sentences.bin"))).ok());
 
+/// Whether a word in lower case is one of those that people use in commands.
+pub(super) fn knows(word: &str) -> bool {
+    MODEL.as_ref().is_some_and(|model| model.knows(word))
+}
+
 /// What the model makes of a sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Meaning {
@@ -111,11 +124,21 @@ pub(super) fn of(reader: &Reader<'_>, text: &str) -> Option<Meaning> {
         "ASK" | "CHAT" => None,
         _ => {
             let form = form(reader, text, &reading)?;
-            let is_plain = !reading.has_number_left && !reading.command.ends_with("the tour");
-            let least = if is_plain || reading.command == "start the tour" { LIKELY } else { SURE };
-            let safe = (reading.probability >= least).then(|| understood(reader, &form)).flatten();
-            let sure = || (reading.probability >= SURE).then(|| certain(reader, &form)).flatten();
-            safe.or_else(sure).map(|sentence| Meaning::Command(form, sentence))
+            let steers = reading.command.ends_with("the tour") && reading.command != "start the tour";
+            if excludes_otherwise(text, &form) || (steers && !reader.speaks_of_tour) {
+                return None;
+            }
+            let least = match &reading {
+                Reading { colors_left: 1.., .. } => CERTAIN,
+                Reading { numbers_left: 1.., .. } | Reading { names_left: 1.., .. } => SURE,
+                _ if steers => SURE,
+                _ => LIKELY,
+            };
+            let p = reading.probability;
+            let safe = (p >= least).then(|| understood(reader, &form)).flatten();
+            let sure = || (p >= least.max(SURE)).then(|| certain(reader, &form)).flatten();
+            let named = || (p >= CERTAIN).then(|| whole(reader, &form)).flatten();
+            safe.or_else(sure).or_else(named).map(|sentence| Meaning::Command(form, sentence))
         }
     }
 }
@@ -128,10 +151,19 @@ pub(super) fn command(reader: &Reader<'_>, text: &str) -> Option<(String, Senten
     }
 }
 
+/// Whether a sentence has an exception that its command lost.
+fn excludes_otherwise(text: &str, form: &str) -> bool {
+    let has = |text: &str| token::tokens(text).iter().any(|token| EXCEPTIONS.contains(&token.text.as_str()));
+    let is_kept = has(form) || form.contains(" but ") || form.starts_with("show only");
+    has(text) && !is_kept
+}
+
 /// The command as a sentence of the grammar, with the words of its slots.
 fn form(reader: &Reader<'_>, text: &str, reading: &Reading<'_>) -> Option<String> {
     let slot = |slot: Slot| said(reader, text, reading, slot);
-    let thing = || slot(Slot::Thing).or_else(|| pronoun(text).map(str::to_owned));
+    // "That" is no pronoun where a name stands in another slot.
+    let refers = reading.names_left == 0 && !reading.slots.iter().any(|(slot, _)| *slot == Slot::Other);
+    let thing = || slot(Slot::Thing).or_else(|| pronoun(text).filter(|_| refers).map(str::to_owned));
     let background =
         |toward: f32| reader.scene.and_then(|scene| scene.background).map(|color| background(color, toward));
     match reading.command {
@@ -177,7 +209,12 @@ fn said(reader: &Reader<'_>, text: &str, reading: &Reading<'_>, slot: Slot) -> O
         Slot::Color => color_in(said).is_some(),
         _ => names_in(reader, said),
     };
-    said.iter().find(is_known).or(said.first()).cloned()
+    match slot {
+        // "Thirty, no, forty percent".
+        Slot::Amount | Slot::Angle | Slot::Count => said.last(),
+        _ => said.iter().find(is_known).or(said.first()),
+    }
+    .cloned()
 }
 
 /// Whether a name of the scene is among some words.
@@ -304,7 +341,7 @@ mod tests {
                 let at = text.find(value).unwrap();
                 (*slot, at..at + value.len())
             });
-            let reading = Reading { command, probability: 1.0, slots: places.collect(), has_number_left: false };
+            let reading = Reading { command, probability: 1.0, slots: places.collect(), numbers_left: 0, colors_left: 0, names_left: 0 };
             let form = form(&reader, &text, &reading).unwrap_or_else(|| panic!("“{command}” has no form"));
             let sentence = certain(&reader, &form);
             assert!(sentence.is_some(), "“{command}” as “{form}” is not understood");

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use sg_proto::language::Clause;
 
-use super::Reader;
 use super::sentence::Sentence;
+use super::{Reader, sentence_model};
 use crate::color;
 use crate::syntax::token::{self, Kind, Token};
 
@@ -60,7 +60,9 @@ fn spellings(reader: &Reader<'_>, text: &str, may_be: impl Fn(&str, &str) -> boo
     let vocabulary = reader.vocabulary();
     let mut misspelt: Vec<(&Token, Vec<String>)> = Vec::new();
     for token in tokens.iter().filter(|t| t.kind == Kind::Word) {
-        if !vocabulary.contains(&token.text) && !color::is_word(&token.text) {
+        let is_known =
+            vocabulary.contains(&token.text) || color::is_word(&token.text) || sentence_model::knows(&token.text);
+        if !is_known {
             let mut similar = similar_words(reader, &token.text);
             similar.retain(|meant| may_be(&token.text, meant));
             similar.truncate(MOST[1]);
