@@ -455,7 +455,7 @@ const MAP: [(&str, &str, &[&str]); 39] = [
     (
         "launch/cli",
         "supergaussian",
-        &["sg-confinement", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack", "sg-volume"],
+        &["sg-confinement", "sg-formats", "sg-input", "sg-language", "sg-proto", "sg-runtime", "sg-stack", "sg-volume"],
     ),
     (
         "tests",
