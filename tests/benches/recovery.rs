@@ -213,7 +213,7 @@ async fn ask(bus: &Bus, role: &str) -> Result<(), Fault> {
         }
         role::AGENT_FUNCTION => bus.newest(&keys::FUNCTION_STATE, &soon()).await.map(drop),
         _ => {
-            let utterance = Utterance { text: "help".to_owned(), source: Source::Text.into() };
+            let utterance = Utterance { text: "help".to_owned(), source: Source::Text.into(), ..Utterance::default() };
             bus.ask(&keys::UTTER, &utterance, &soon()).await.map(drop)
         }
     }

@@ -87,7 +87,7 @@ async fn a_repeated_utterance_after_killed_agents_finds_its_result() {
         let command = Command { id: id.into(), action: Some(action), ..Command::default() };
         bus.ask(&keys::SCENE_APPLY, &command, &soon()).await.unwrap();
     }
-    let delete = Utterance { text: "remove the name dome".into(), source: Source::Text.into() };
+    let delete = Utterance { text: "remove the name dome".into(), source: Source::Text.into(), ..Utterance::default() };
     let say = || soon().with_id("said-once");
     let first = bus.ask(&keys::UTTER, &delete, &say()).await.unwrap();
     assert!(first.ok, "{first:?}");

@@ -13,7 +13,7 @@ use sg_tests::until::{scene, soon};
 
 /// Says a sentence in the conversation of the test.
 async fn say(cli: &Bus, step: u32, text: &str) -> Reply {
-    let utterance = Utterance { text: text.to_owned(), source: Source::Text.into() };
+    let utterance = Utterance { text: text.to_owned(), source: Source::Text.into(), ..Utterance::default() };
     cli.ask(&keys::UTTER, &utterance, &soon().at_step("corrections", step)).await.unwrap()
 }
 

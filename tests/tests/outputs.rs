@@ -110,6 +110,7 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["chaos", "launch.toml", "--out", "new", "--plan"],
             ],
         ),
+        ("mcp", vec![&["mcp", "--session", "none"], &["mcp", "--session", "../up"]]),
         ("metrics", vec![&["metrics", "--session", "none"]]),
         (
             "contract",

@@ -8,13 +8,15 @@ use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt as _;
 use std::pin::Pin;
-use std::process::Stdio;
-use std::sync::{Arc, Mutex};
+use std::process::{Child, ChildStdin, Stdio};
+use std::sync::{Arc, Mutex, mpsc};
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
+use serde_json::{Value, json};
 use sg_tests::said;
-use sg_tests::stack::Stack;
+use sg_tests::stack::{SESSION, Stack};
+use sg_tests::until::PATIENCE;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::TcpListenerStream;
 use tonic::body::Body;
@@ -201,7 +203,7 @@ fn nothing_listens_metrics_are_counted_and_one_trace_runs_through_the_loop() {
     // A line of a service's log carries the trace.
     let log = std::fs::read_to_string(stack.session_folder().join("logs/scene.log")).unwrap();
     let line = log.lines().find(|l| l.contains("\"command\"")).unwrap_or_else(|| panic!("{log}"));
-    let line: serde_json::Value = serde_json::from_str(line).unwrap();
+    let line: Value = serde_json::from_str(line).unwrap();
     let trace = line["span"]["trace_id"].as_str().unwrap().to_owned();
     assert_eq!(trace.len(), 32, "{line}");
 
@@ -232,7 +234,7 @@ fn an_operator_lists_copies_and_deletes_the_project_of_a_scene() {
     let run = |stack: &Stack, arguments: &[&str]| stack.run(arguments).unwrap();
     let (status, _, all) = run(&stack, &["say", "make the sac red"]);
     assert_eq!(status, Some(0), "{all}");
-    let listed = |stack: &Stack| -> Vec<serde_json::Value> {
+    let listed = |stack: &Stack| -> Vec<Value> {
         let (status, text, all) = stack.run(&["projects", "--json"]).unwrap();
         assert_eq!(status, Some(0), "{all}");
         serde_json::from_str(&text).unwrap()
@@ -275,4 +277,155 @@ fn an_operator_lists_copies_and_deletes_the_project_of_a_scene() {
     assert_eq!(listed(&stack).len(), 0);
     assert_eq!(run(&stack, &["restore", &copy, name]).0, Some(0));
     assert_eq!(listed(&stack)[0]["revision"], 1);
+}
+
+/// A client of the Model Context Protocol with `supergaussian mcp` as its child.
+struct McpClient {
+    child: Child,
+    input: Option<ChildStdin>,
+    lines: mpsc::Receiver<String>,
+    sent: u64,
+}
+
+impl McpClient {
+    fn start(stack: &Stack) -> Self {
+        let mut mcp = stack.command().unwrap();
+        let mcp = mcp.args(["mcp", "--session", SESSION]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = mcp.spawn().unwrap();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let (sender, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            for line in output.lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        let input = child.stdin.take();
+        let mut client = Self { child, input, lines, sent: 0 };
+        let hello = json!({
+            "protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"},
+        });
+        let info = client.ask("initialize", &hello);
+        assert_eq!(info["serverInfo"]["name"], "supergaussian", "{info}");
+        client.send(&json!({"jsonrpc": "2.0", "method": "notifications/initialized"}));
+        client
+    }
+
+    fn send(&mut self, message: &Value) {
+        let input = self.input.as_mut().unwrap();
+        writeln!(input, "{message}").unwrap();
+        input.flush().unwrap();
+    }
+
+    /// Sends a request, and gives its result. Nothing but messages of the protocol may come.
+    fn ask(&mut self, method: &str, params: &Value) -> Value {
+        self.sent += 1;
+        let id = self.sent;
+        self.send(&json!({"jsonrpc": "2.0", "id": id, "method": method, "params": params}));
+        loop {
+            let line = self.lines.recv_timeout(PATIENCE).unwrap();
+            let answer: Value = serde_json::from_str(&line).unwrap();
+            assert_eq!(answer["jsonrpc"], "2.0", "{line}");
+            if answer["id"] == id {
+                assert!(answer["error"].is_null(), "{method}: {line}");
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    fn call(&mut self, tool: &str, arguments: &Value) -> Value {
+        self.ask("tools/call", &json!({"name": tool, "arguments": arguments}))
+    }
+
+    /// The content of a call that succeeds.
+    fn done(&mut self, tool: &str, arguments: &Value) -> Value {
+        let result = self.call(tool, arguments);
+        assert_eq!(result["isError"], false, "{tool}: {result}");
+        result["structuredContent"].clone()
+    }
+
+    /// The line of a call that fails.
+    fn failed(&mut self, tool: &str, arguments: &Value) -> String {
+        let result = self.call(tool, arguments);
+        assert_eq!(result["isError"], true, "{tool}: {result}");
+        result["content"][0]["text"].as_str().unwrap().to_owned()
+    }
+
+    /// A unit of the scene.
+    fn unit(&mut self, name: &str) -> Value {
+        let scene = self.done("scene", &json!({}));
+        let units = scene["base_units"].as_array().unwrap().clone();
+        units.into_iter().find(|unit| unit["name"] == name).unwrap()
+    }
+}
+
+impl Drop for McpClient {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn colored(unit: &str, red: f64) -> Value {
+    json!({"act": "ACT_SET_COLOR", "target": {"names": [unit]}, "color": {"red": red, "green": 0, "blue": 0}})
+}
+
+fn hidden(unit: &str) -> Value {
+    json!({"act": "ACT_HIDE", "target": {"names": [unit]}})
+}
+
+#[test]
+fn a_client_of_the_model_context_protocol_edits_and_sees_the_scene() {
+    let stack = Stack::up().unwrap();
+    let mut client = McpClient::start(&stack);
+    let tools = client.ask("tools/list", &json!({}));
+    let names: Vec<&str> = tools["tools"].as_array().unwrap().iter().map(|t| t["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["command", "say", "scene", "screenshot", "undo", "redo"]);
+
+    // Two actions are one thing to take back.
+    let before = client.unit("sac");
+    let done = client.done("command", &json!({"clauses": [colored("sac", 1.0), hidden("body")]}));
+    assert_eq!((&done["changed_units"], &done["undo_steps"]), (&json!(["sac", "body"]), &json!(2)), "{done}");
+    assert_eq!(client.unit("sac")["color"], json!({"red": 1.0, "green": 0.0, "blue": 0.0}));
+    assert_eq!(client.unit("body")["visible"], false);
+    let picture = client.call("screenshot", &json!({"width": 64, "height": 48}));
+    let image = &picture["content"][1];
+    assert_eq!((&image["type"], &image["mimeType"]), (&json!("image"), &json!("image/png")), "{picture}");
+    // The signature of PNG in base64.
+    assert!(image["data"].as_str().unwrap().starts_with("iVBORw0KGgo"), "{picture}");
+    assert!(picture["content"][0]["text"].as_str().unwrap().starts_with("64 x 48 pixels"), "{picture}");
+    assert_eq!(client.done("undo", &json!({}))["steps"], 2);
+    assert_eq!((client.unit("sac"), &client.unit("body")["visible"]), (before.clone(), &json!(true)));
+    assert_eq!(client.done("redo", &json!({}))["steps"], 2);
+    assert_eq!(client.unit("body")["visible"], false);
+    assert_eq!(client.done("undo", &json!({"steps": 2}))["steps"], 2);
+
+    // All of the actions, or none.
+    let line = client.failed("command", &json!({"clauses": [colored("sac", 1.0), hidden("grumpf")]}));
+    assert!(line.contains("The actions before it were taken back."), "{line}");
+    assert_eq!(client.unit("sac"), before);
+    let line = client.failed("command", &json!({"clauses": [colored("sac", 2.0)]}));
+    assert!(line.contains("`clauses[0].color.red` is 2; use a number from 0 to 1"), "{line}");
+
+    // Sentences, but none that writes a file.
+    let done = client.done("say", &json!({"text": "make the sac blue"}));
+    assert!(done["reply"].as_str().unwrap().contains("blue"), "{done}");
+    let line = client.failed("say", &json!({"text": "hide the sac and save a picture as front.png"}));
+    assert!(line.contains("Files are only saved and opened for a person"), "{line}");
+    assert_eq!(client.unit("sac")["visible"], true);
+    let line = client.failed("shell", &json!({"text": "ls"}));
+    assert!(line.contains("no tool `shell`"), "{line}");
+
+    // The client closes its end, and the server is done.
+    client.input = None;
+    let begun = Instant::now();
+    let status = loop {
+        if let Some(status) = client.child.try_wait().unwrap() {
+            break status;
+        }
+        assert!(begun.elapsed() < PATIENCE, "the server goes on without its client");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert!(status.success(), "{status}");
 }

@@ -69,10 +69,19 @@ pub(crate) async fn keep_picture(
     picture: StoredFile<'_>,
     out: &Path,
 ) -> CommandResult {
+    let path = local_picture(bus, session, picture).await?;
+    keep(&path, out).map_err(|e| Failure::Work(e.to_string()))
+}
+
+/// A path of a picture of the capture process on this machine, with the content that its hash promises.
+pub(crate) async fn local_picture(
+    bus: &Bus,
+    session: &SessionDir,
+    picture: StoredFile<'_>,
+) -> Result<PathBuf, Failure> {
     let blobs = Blobs::open(&session.path().join("blobs")).map_err(|e| Failure::Work(e.to_string()))?;
     let context = Context::root().deadline_in(TIMEOUT);
-    let path = blobs.fetch(bus, &keys::CAPTURE_CONTENT, picture, &context).await?;
-    keep(&path, out).map_err(|e| Failure::Work(e.to_string()))
+    Ok(blobs.fetch(bus, &keys::CAPTURE_CONTENT, picture, &context).await?)
 }
 
 /// Copies a file. A failed copy leaves no file.

@@ -9,7 +9,7 @@ use sg_stack::{descendants, spawn};
 
 use crate::terminal::{self, CommandResult, Failure};
 use crate::{
-    capture, certificates, chaos, contract, demo, doctor, join, metrics, open, projects, say, subcommands,
+    capture, certificates, chaos, contract, demo, doctor, join, mcp, metrics, open, projects, say, subcommands,
     supervisor_client, swap, up, watch,
 };
 
@@ -126,6 +126,12 @@ enum Command {
     /// Save one picture of the running stack's scene
     #[command(after_help = "Example: supergaussian capture selection.png --highlight --session headless")]
     Capture(capture::CaptureArgs),
+    /// Serve the commands and the picture of the running stack to an MCP client
+    ///
+    /// The client is a program with a language model. It gets the tools `command`, `say`, `scene`, `screenshot`, `undo` and
+    /// `redo` on standard input and output, and no way to files, network or shell. The stack may start and restart meanwhile.
+    #[command(after_help = mcp::HELP)]
+    Mcp,
     /// Print every conversation and scene message until Ctrl-C
     #[command(after_help = "Example: supergaussian watch --session headless")]
     Watch {
@@ -191,6 +197,7 @@ fn run(cli: Cli) -> CommandResult {
         Command::Graph { file, dot } => up::graph(&file, dot),
         Command::Say { text, json, timeout } => wait(say::say(session, text, json, timeout)),
         Command::Capture(arguments) => wait(capture::capture(session, &arguments)),
+        Command::Mcp => wait(mcp::serve(session)),
         Command::Watch { json, all } => wait(watch::watch(session, json, all)),
         Command::Chaos(arguments) => wait(chaos::chaos(arguments, session)),
         Command::Metrics { listen } => wait(metrics::metrics(session, listen)),

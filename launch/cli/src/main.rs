@@ -14,6 +14,7 @@ mod display;
 mod doctor;
 mod input;
 mod join;
+mod mcp;
 mod metrics;
 mod open;
 mod opener;

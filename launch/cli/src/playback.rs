@@ -253,7 +253,7 @@ impl Player {
     }
 
     async fn say(&mut self, text: &str) -> Result<String, Failure> {
-        let utterance = Utterance { text: text.to_owned(), source: Source::Text.into() };
+        let utterance = Utterance { text: text.to_owned(), source: Source::Text.into(), ..Utterance::default() };
         let began = Instant::now();
         let context = self.context();
         let reply: Reply = self.ask(&keys::UTTER, &utterance, &context).await?;

@@ -23,7 +23,7 @@ const TRAIL: Duration = Duration::from_millis(100);
 
 /// Sends an utterance to the core agent.
 pub(crate) async fn utter(bus: &Bus, text: &str, context: &Context) -> Result<Reply, Failure> {
-    let utterance = Utterance { text: text.to_owned(), source: Source::Text.into() };
+    let utterance = Utterance { text: text.to_owned(), source: Source::Text.into(), ..Utterance::default() };
     Ok(bus.ask(&keys::UTTER, &utterance, context).await?)
 }
 

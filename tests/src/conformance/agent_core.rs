@@ -2,8 +2,9 @@
 
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
-use sg_proto::language::{Reply, Source, Utterance};
+use sg_proto::language::{Act, Clause, Reference, Reply, Source, Utterance};
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
+use sg_proto::scene::Color;
 
 use super::question::{Question, hold, refused_as, soon};
 use super::stage::{Stage, decode, next_of};
@@ -15,7 +16,7 @@ pub(super) const SUBJECT: Subject =
     Subject { role: ROLE, needs: &[role::SCENE, role::AGENT_INTENT, role::AGENT_FUNCTION], question, essence };
 
 fn utterance(text: &str) -> Utterance {
-    Utterance { text: text.to_owned(), source: Source::Text.into() }
+    Utterance { text: text.to_owned(), source: Source::Text.into(), ..Utterance::default() }
 }
 
 fn question(_id: &str) -> Question {
@@ -33,6 +34,7 @@ pub(super) async fn checks(stage: &mut Stage<'_>, checks: &mut Checks<'_>) {
     checks.note("does what was said once", once(stage, false).await);
     checks.note("does what was said once though killed in between", once(stage, true).await);
     checks.note("says what was not understood", not_understood(stage).await);
+    checks.note("does typed actions of a program, but none on files", typed_actions(stage).await);
     checks.note("refuses what is no utterance", misfits(stage).await);
 }
 
@@ -90,6 +92,32 @@ async fn not_understood(stage: &mut Stage<'_>) -> Result<(), String> {
     hold(!reply.ok && !reply.text.is_empty(), || format!("{reply:?}"))?;
     let after = stage.scene_state().await?.revision;
     hold(after == before, || "nonsense changed the scene".to_owned())
+}
+
+async fn typed_actions(stage: &mut Stage<'_>) -> Result<(), String> {
+    let blue = Some(Color { red: 0.0, green: 0.0, blue: 1.0 });
+    let target = Some(Reference { names: vec!["sac".to_owned()], ..Reference::default() });
+    let words = || "for the program".to_owned();
+    let color = Clause { act: Act::SetColor.into(), target, color: blue, words: words(), ..Clause::default() };
+    let file = Clause { act: Act::SavePicture.into(), words: words(), ..Clause::default() };
+    let id = stage.new_id();
+    let reply = send_typed(stage, vec![color.clone()], &id).await?;
+    hold(reply.ok, || format!("{reply:?}"))?;
+    let before = stage.scene_state().await?;
+    let sac = before.base_units.iter().find(|u| u.name == "sac").and_then(|u| u.palette).unwrap_or_default();
+    hold(sac.blue > 0.99 && sac.red < 0.01, || format!("the sac is {sac:?}"))?;
+    let id = stage.new_id();
+    let reply = send_typed(stage, vec![color, file], &id).await?;
+    hold(!reply.ok && !reply.text.is_empty(), || format!("{reply:?}"))?;
+    let after = stage.scene_state().await?;
+    hold(after.revision == before.revision, || "actions beside one on a file were done".to_owned())
+}
+
+async fn send_typed(stage: &Stage<'_>, clauses: Vec<Clause>, id: &str) -> Result<Reply, String> {
+    // The text would do something else.
+    let utterance = Utterance { text: "hide everything".to_owned(), source: Source::Program.into(), clauses };
+    let context = soon().with_id(id).at_step("typed", 1);
+    stage.cli.ask(&keys::UTTER, &utterance, &context).await.map_err(|f| f.to_string())
 }
 
 async fn misfits(stage: &mut Stage<'_>) -> Result<(), String> {

@@ -219,7 +219,10 @@ impl Users {
         let text = UTTERANCES.get(which).copied().unwrap_or("help").to_owned();
         let context = soon().at_step(format!("soak-{}", number / UTTERANCE_EACH % 40), 1);
         // Whether the agents could do it depends on what the others have just done.
-        self.bus.ask(&keys::UTTER, &Utterance { text, source: Source::Text.into() }, &context).await.map(drop)
+        self.bus
+            .ask(&keys::UTTER, &Utterance { text, source: Source::Text.into(), ..Utterance::default() }, &context)
+            .await
+            .map(drop)
     }
 
     /// The next command of a user, in about the shares in which people give them.

@@ -456,7 +456,7 @@ const MAP: [(&str, &str, &[&str]); 40] = [
     (
         "launch/cli",
         "supergaussian",
-        &["sg-confinement", "sg-formats", "sg-input", "sg-proto", "sg-runtime", "sg-stack", "sg-volume"],
+        &["sg-confinement", "sg-formats", "sg-input", "sg-language", "sg-proto", "sg-runtime", "sg-stack", "sg-volume"],
     ),
     (
         "tests",

@@ -312,7 +312,11 @@ async fn ask(
             let (mut asked, mut failures) = (0, Vec::new());
             while !enough.load(Ordering::Relaxed) {
                 asked += 1;
-                let utterance = Utterance { text: format!("{number}-{asked}"), source: Source::Text.into() };
+                let utterance = Utterance {
+                    text: format!("{number}-{asked}"),
+                    source: Source::Text.into(),
+                    ..Utterance::default()
+                };
                 let context = Context::root().deadline_in(Duration::from_secs(15));
                 let began = Instant::now();
                 match bus.ask(&keys::UTTER, &utterance, &context).await {

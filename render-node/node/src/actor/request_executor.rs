@@ -261,7 +261,7 @@ fn say(bus: &Bus, writer: &StateWriter, text: String) -> String {
     let id = context.id.clone();
     let (bus, writer) = (bus.clone(), writer.clone());
     tokio::spawn(async move {
-        let utterance = Utterance { text, source: Source::Text.into() };
+        let utterance = Utterance { text, source: Source::Text.into(), ..Utterance::default() };
         // The answer comes as every stage of the conversation does.
         report_failure(&writer, bus.ask(&keys::UTTER, &utterance, &context).await.map(drop));
     });

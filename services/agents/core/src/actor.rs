@@ -10,12 +10,12 @@ use lru::LruCache;
 use sg_language::intent_prompt::{MAX_TURN_BYTES, MAX_TURNS};
 use sg_language::prompt::clip;
 use sg_language::reply::{self, Evidence};
-use sg_language::{grammar, paraphrase, request_ids};
+use sg_language::{grammar, paraphrase, permission, request_ids};
 use sg_llm::{LlmClient, LlmError};
 use sg_proto::bus::Code;
 use sg_proto::keys::{self, role};
 use sg_proto::language::{
-    Act, AgentState, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
+    Act, AgentState, Clause, Intent, IntentRequest, Observation, Perceive, Plan, PlanResult, Reply, Turn, Utterance,
 };
 use sg_proto::limits::MAX_UTTERANCE_BYTES;
 use sg_proto::render::{CaptureRequest, Quality};
@@ -49,6 +49,8 @@ const MAX_MEASURED_UNITS: usize = 32;
 const OBSERVE_TIME: Duration = Duration::from_secs(3);
 /// Time reserved for the reply.
 const MARGIN: Duration = Duration::from_millis(150);
+/// Backend of an intent that a program has sent as clauses.
+const TYPED: &str = "typed";
 /// Length of the queue of liveliness events.
 const LIVELINESS_QUEUE: usize = 256;
 
@@ -182,6 +184,11 @@ fn stage_fault(stage: &str, fault: Fault) -> Fault {
     Fault { message, ..fault }
 }
 
+/// The intent of clauses that a program has sent: nothing is to be understood.
+fn typed_intent(clauses: &[Clause]) -> Intent {
+    Intent { clauses: clauses.to_vec(), backend: TYPED.to_owned(), ..Intent::default() }
+}
+
 /// The fault where the model failed and no fallback is allowed.
 fn llm_fault(error: &LlmError) -> Fault {
     Fault { retry_after: error.retry_after(), ..Fault::new(error.code(), error.sentence()) }
@@ -244,7 +251,10 @@ impl CoreAgent {
         let intent = match self.intents.get(&turn.context.id) {
             Some(intent) => intent.clone(),
             None => {
-                let intent = self.interpret(utterance, &before, turn).await?;
+                let intent = match utterance.clauses.as_slice() {
+                    [] => self.interpret(utterance, &before, turn).await?,
+                    typed => typed_intent(typed),
+                };
                 self.intents.put(turn.context.id.clone(), intent.clone());
                 intent
             }
@@ -252,6 +262,9 @@ impl CoreAgent {
         let revision = before.scene.as_ref().map_or(0, |s| s.revision);
         if intent.clauses.is_empty() {
             return Ok(reply::without_clauses(&intent, revision));
+        }
+        if let Some(reason) = permission::refusal(utterance.source(), &intent.clauses) {
+            return Ok(Reply { text: reason.to_owned(), revision, ..Reply::default() });
         }
         let plan = Plan { clauses: intent.clauses.clone(), observation: Some(before.clone()) };
         let stage = turn.next_stage();

@@ -244,7 +244,7 @@ impl Walk {
     ) {
         let context = Context::root();
         let turn = |step| context.next().at_step(context.id.clone(), step);
-        let utterance = Utterance { text: title.to_owned(), source: Source::Text.into() };
+        let utterance = Utterance { text: title.to_owned(), source: Source::Text.into(), ..Utterance::default() };
         publish(&self.bus, &keys::UTTERANCE, &utterance, &turn(1)).await;
         let reply = Reply {
             text: text.to_owned(),

@@ -6,6 +6,7 @@
 //! | [`intent_prompt`], [`intent_schema`] | utterance and scene | intent, with a language model |
 //! | [`unit_choice`] | unknown name | unit, with a language model |
 //! | [`commands`], [`resolution`] | clause of an intent | scene command or answer |
+//! | [`permission`] | source and clauses | whether they may be carried out |
 //! | [`query`], [`report`], [`reply`] | results | sentences |
 //! | `state_answer` | scene | short answers: yes, no, a colour |
 //! | [`paraphrase`] | reply | reply in other words, with a language model |
@@ -39,6 +40,7 @@ pub mod grammar;
 pub mod intent_prompt;
 pub mod intent_schema;
 pub mod paraphrase;
+pub mod permission;
 pub mod prompt;
 mod property;
 pub mod proposed_regions;

@@ -119,7 +119,7 @@ impl Session {
         let mut replies = Vec::new();
         let mut milliseconds = 0.0;
         for (step, text) in (1..).zip(&utterance.say) {
-            let spoken = Spoken { text: text.clone(), source: Source::Text.into() };
+            let spoken = Spoken { text: text.clone(), source: Source::Text.into(), ..Spoken::default() };
             let context = soon().at_step(conversation.clone(), step);
             let begun = Instant::now();
             let reply = bus.ask(&keys::UTTER, &spoken, &context).await;
@@ -149,7 +149,7 @@ impl Session {
     async fn restore(&self) -> Result<bool, EvalError> {
         let bus = self.join().await?;
         if self.outcome(&bus).await?.tour.is_some() {
-            let spoken = Spoken { text: "stop the tour".to_owned(), source: Source::Text.into() };
+            let spoken = Spoken { text: "stop the tour".to_owned(), source: Source::Text.into(), ..Spoken::default() };
             bus.ask(&keys::UTTER, &spoken, &soon()).await.map_err(|fault| broken(fault.message))?;
         }
         let undo = Action::Undo(Undo { steps: 1 });

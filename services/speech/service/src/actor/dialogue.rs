@@ -138,7 +138,7 @@ impl Speech {
         let context = Context::root().deadline_in(AGENT_TIME).at_step(self.context.id.clone(), 1);
         let (bus, mailbox) = (self.bus.clone(), self.mailbox.clone());
         tokio::spawn(async move {
-            let utterance = Utterance { text, source: Source::Speech.into() };
+            let utterance = Utterance { text, source: Source::Speech.into(), ..Utterance::default() };
             let outcome = bus.ask(&keys::UTTER, &utterance, &context).await;
             mailbox.send(Message::Answered { turn, outcome });
         });
