@@ -8,7 +8,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 
-use crate::appearance_buffers::AppearanceBuffers;
+use crate::appearance_buffers::{AppearanceBuffers, AppearanceState};
 use crate::buffers::{MAX_WORKGROUPS, RenderTargets, WorkBuffers};
 use crate::depth;
 use crate::device::Gpu;
@@ -66,8 +66,10 @@ pub struct Renderer {
     reserved: [u32; 2],
     /// Whether [`Self::draw`] may replace lists of tiles by longer ones.
     grows: bool,
-    /// Whether every pipeline that an edit can need has been compiled, for either projection.
-    compiled: [bool; 2],
+    /// Whether every pipeline that an edit can need has been compiled: without and with occlusion, for either projection.
+    compiled: [[bool; 2]; 2],
+    /// Whether [`Self::prepare`] makes the pipelines of pictures with occlusion too.
+    expects_occlusion: bool,
     last_stats: FrameStats,
 }
 
@@ -113,7 +115,8 @@ impl Renderer {
             drawn: 0,
             reserved: [0, 0],
             grows: true,
-            compiled: [false, false],
+            compiled: [[false; 2]; 2],
+            expects_occlusion: false,
             last_stats: FrameStats::default(),
             scene,
             gpu: gpu.clone(),
@@ -195,6 +198,12 @@ impl Renderer {
     #[must_use]
     pub fn appearance_bytes(&self) -> u64 {
         self.appearance.uploaded_bytes
+    }
+
+    /// From now on [`Self::prepare`] makes the pipelines of pictures with [`Appearance::occlusion`] too. Most displays never show
+    /// any, so they are not compiled before.
+    pub fn expect_occlusion(&mut self) {
+        self.expects_occlusion = true;
     }
 
     /// Draws one picture for each camera and reads them back. Waits for the device; meant for single pictures and tests.
@@ -330,7 +339,8 @@ impl Renderer {
     }
 
     /// Makes ready what pictures of these cameras' size and below can need, so that [`Self::draw`] creates nothing: targets,
-    /// buffers, room for edits, and the pipelines of every edit. Lists of tiles that have become too short grow here; until
+    /// buffers, room for edits, and the pipelines of every edit; those of pictures with occlusion only after
+    /// [`Self::expect_occlusion`]. Lists of tiles that have become too short grow here; until
     /// then pictures may lack their farthest splats. Call it between frames. Each call compiles the pipelines of at most one
     /// kind of edit. Returns whether none is left.
     ///
@@ -350,13 +360,26 @@ impl Renderer {
         let views = if self.draws_together(cameras, size, settings) { cameras.len() as u32 } else { 1 };
         self.fit_work(views, settings);
         let plan = self.plan(size, settings, true, u32::BITS);
-        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, compiled, .. } = self;
+        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, .. } = self;
         let mask = mask.as_ref();
         let resources = FrameResources { gpu, frame, scene, appearance, work, targets, mask };
         passes.bind(groups, &resources, plan)?;
         let per_ray = settings.sort_window().is_some();
-        let compiled = &mut compiled[usize::from(per_ray)];
-        let mut keys = PipelineKey::of_edits(scene, &appearance.state, per_ray);
+        let occludes = self.expects_occlusion || self.appearance.state.occluded;
+        let was_new = self.prepare_edits(per_ray, false) || (occludes && self.prepare_edits(per_ray, true));
+        self.grows = false;
+        self.gpu.check()?;
+        Ok(!was_new)
+    }
+
+    /// Makes the pipelines and bind groups of at most one kind of edit, of pictures without or with occlusion. Returns whether it
+    /// made some.
+    fn prepare_edits(&mut self, per_ray: bool, occluded: bool) -> bool {
+        let Self { gpu, scene, appearance, passes, frame, work, groups, targets, mask, compiled, .. } = self;
+        let resources = FrameResources { gpu, frame, scene, appearance, work, targets, mask: mask.as_ref() };
+        let compiled = &mut compiled[usize::from(per_ray)][usize::from(occluded)];
+        let state = AppearanceState { occluded, ..appearance.state };
+        let mut keys = PipelineKey::of_edits(scene, &state, per_ray);
         // Another shading term has other kernels: a frame compiles those that it needs.
         let was_new =
             keys.any(|key| (!*compiled || passes.is_compiled(key)) && passes.prepare(groups, &resources, key));
@@ -364,9 +387,7 @@ impl Renderer {
             *compiled = true;
             gpu.save_pipelines_or_log();
         }
-        self.grows = false;
-        self.gpu.check()?;
-        Ok(!was_new)
+        was_new
     }
 
     /// Width and height of the drawn part of [`Self::depths`] for pictures of `size` pixels.

@@ -162,6 +162,49 @@ fn frames_of_many_gaussians_allocate_no_more() {
 }
 
 #[test]
+fn occlusion_that_comes_and_goes_creates_nothing_once_it_is_expected() {
+    let Some(gpu) = device() else { return };
+    let scene = scenes::scene(&scenes::surface(400, 7));
+    let factors: [Arc<[f32]>; 2] = [3, 5].map(|k: usize| (0..scene.len()).map(|i| (i % k) as f32 / k as f32).collect());
+    let cameras = eyes(&scene, 1.0);
+    let settings = Settings { depths: true, ..Settings::default() };
+    let prepared = |expects: bool| {
+        let mut renderer = Renderer::new(&gpu, &scene).unwrap();
+        while !renderer.prepare(&cameras, settings).unwrap() {}
+        renderer.draw_complete(&cameras, &look(&scene, 0), settings).unwrap();
+        if expects {
+            renderer.expect_occlusion();
+        }
+        while !renderer.prepare(&cameras, settings).unwrap() {}
+        renderer
+    };
+    let mut renderer = prepared(true);
+    let before = created_on_this_thread();
+    let mut heap = Allocations::default();
+    for frame in 0..80 {
+        let mut look = look(&scene, frame);
+        // Switched on and off, and computed anew meanwhile.
+        look.occlusion = (frame / 10 % 2 == 1).then(|| Arc::clone(&factors[frame / 20 % 2]));
+        let (drawn, allocations) = during(|| renderer.draw(&cameras, &look, settings));
+        drawn.unwrap();
+        heap = heap.max(allocations);
+        if frame % 2 == 0 {
+            gpu.wait().unwrap();
+        }
+    }
+    gpu.wait().unwrap();
+    assert_eq!(created_on_this_thread(), before);
+    println!("occlusion: {heap:?} at most a frame");
+    assert!(heap.max(MOST) == MOST, "{heap:?} in a frame");
+
+    let mut renderer = prepared(false);
+    let before = created_on_this_thread();
+    let occluded = Appearance { occlusion: Some(Arc::clone(&factors[0])), ..look(&scene, 0) };
+    renderer.draw(&cameras, &occluded, settings).unwrap();
+    assert_ne!(created_on_this_thread(), before, "a frame compiles what nobody expected");
+}
+
+#[test]
 fn the_layers_of_a_headset_create_nothing_in_a_frame() {
     let Some(gpu) = device() else { return };
     let scene = scenes::scene(&scenes::surface(400, 7));

@@ -209,7 +209,18 @@ fn run_headset(setup: DisplaySetup, mut headset: Headset) -> Result<(), StartErr
     };
     let pictures = params.pictures.unwrap_or_else(pictures);
     let frame_traces = params.frame_traces;
-    let setup = vr::Setup { scene, view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };
+    let setup = vr::Setup {
+        scene,
+        view_port,
+        tools,
+        near: params.near,
+        settings: Settings::default_path(),
+        opened,
+        mirror,
+        rasterizer,
+        pictures,
+        frame_traces,
+    };
     let view = VrView::new(setup, &headset);
     let watchdog = headset.watchdog();
     // After a timeout the receiver is gone.

@@ -7,7 +7,7 @@ use sg_gpu::Rasterizer;
 use sg_gpu::backend::Backend;
 use sg_proto::limits;
 use sg_raster::render::{Projection, Quality};
-use sg_viewer::display::Locomotion;
+use sg_viewer::display::{Locomotion, Tools};
 use sg_viewer::xr::BlendMode;
 
 /// Fastest steady pace of the view.
@@ -68,7 +68,8 @@ pub(super) struct Params {
     /// Frames per second that the view draws without a change, for recorders and mirrors; 0 draws only changes.
     pub(super) frames_per_second: f64,
     /// Distance from the eye, in the scene's unit, within which Gaussians fade in published pictures and for picks, without a
-    /// display; by default a two-hundredth of the scene's longest edge. At most a tenth of the way to the target of a view.
+    /// display; by default a two-hundredth of the scene's longest edge. At most a tenth of the way to the target of a view. In a
+    /// headset metres of the room, 0.01 to 0.5; by default the person's own setting.
     pub(super) near: Option<f64>,
     /// Colour of a highlighted selection.
     pub(super) highlight_color: [f32; 3],
@@ -161,14 +162,48 @@ impl Params {
         if !(1.0..=3600.0).contains(&self.patience) {
             return Err(format!("patience = {}; seconds from 1 to 3600", self.patience));
         }
-        if self.near.is_some_and(|near| !(near >= 0.0 && near.is_finite())) {
-            return Err(format!("near = {}; a finite length of at least 0", self.near.unwrap_or_default()));
-        }
+        self.check_near()?;
         if !self.highlight_mix.is_none_or(|mix| (0.0..=1.0).contains(&mix))
             || !self.highlight_color.iter().all(|c| (0.0..=1.0).contains(c))
         {
             return Err("highlight_color and highlight_mix are numbers from 0 to 1".to_owned());
         }
         Ok(())
+    }
+
+    /// A near distance is a length of the scene, or of the room in a headset.
+    fn check_near(&self) -> Result<(), String> {
+        let Some(near) = self.near else { return Ok(()) };
+        let (least, most) = Tools::ROOM_NEARS;
+        if self.display == Display::Headset && !(least..=most).contains(&near) {
+            return Err(format!("near = {near}; in a headset metres of the room from {least} to {most}"));
+        }
+        if !(near >= 0.0 && near.is_finite()) {
+            return Err(format!("near = {near}; a finite length of at least 0"));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_near_distance_is_of_the_room_in_a_headset_and_of_the_scene_elsewhere() {
+        let check = |display, near| Params { display, near: Some(near), ..Params::default() }.check();
+        for near in [0.01, 0.05, 0.5] {
+            assert_eq!(check(Display::Headset, near), Ok(()));
+        }
+        for near in [0.0, 0.009, 0.51, -0.05, f64::INFINITY, f64::NAN] {
+            let said = check(Display::Headset, near).unwrap_err();
+            assert_eq!(said, format!("near = {near}; in a headset metres of the room from 0.01 to 0.5"));
+        }
+        for display in [Display::None, Display::Window] {
+            assert_eq!((check(display, 0.0), check(display, 120.0)), (Ok(()), Ok(())));
+            assert!(check(display, -1.0).is_err() && check(display, f64::NAN).is_err());
+        }
+        let unset = Params { display: Display::Headset, ..Params::default() };
+        assert_eq!(unset.check(), Ok(()));
     }
 }

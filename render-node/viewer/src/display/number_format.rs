@@ -47,6 +47,11 @@ pub(crate) fn degrees(x: f64) -> String {
     format!("{}°", decimals(x, 0))
 }
 
+/// A length in centimetres, from metres.
+pub(crate) fn centimetres(metres: f64) -> String {
+    format!("{} cm", decimals(100.0 * metres, 1))
+}
+
 /// A duration in milliseconds, from seconds.
 pub(crate) fn milliseconds(seconds: f64) -> String {
     format!("{} ms", decimals(1e3 * seconds, 0))
@@ -104,5 +109,6 @@ mod tests {
         assert_eq!([1e-12, -1e-12, 0.5, -0.95, 2.0].map(decimal), ["0", "0", "0.5", "-0.95", "2"]);
         assert_eq!((factor(1.0), factor(0.25), degrees(-179.6)), ("× 1".into(), "× 0.25".into(), "-180°".into()));
         assert_eq!(milliseconds(1.234), "1,234 ms");
+        assert_eq!([0.01, 0.012, 0.5].map(centimetres), ["1 cm", "1.2 cm", "50 cm"]);
     }
 }

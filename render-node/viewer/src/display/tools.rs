@@ -161,7 +161,7 @@ pub struct Tools {
     pub foveation: Option<Foveation>,
     /// Whether a window's background is a gradient about the scene's colour.
     pub gradient: bool,
-    /// Whether a window's pictures have ambient occlusion.
+    /// Whether pictures have ambient occlusion.
     pub occlusion: bool,
     /// Whether a window shows the ground grid and the box of what is visible.
     pub grid: bool,
@@ -183,6 +183,8 @@ pub struct Tools {
     pub upright: bool,
     /// Whether the floor is drawn.
     pub floor: bool,
+    /// Metres of the room from an eye of a headset within which Gaussians fade.
+    pub room_near: f64,
     /// Whether a headset shows the surroundings, where it can.
     pub surroundings: bool,
     /// Whether the controls' functions always hang beside the controllers.
@@ -195,6 +197,9 @@ impl Tools {
 
     /// The least and the greatest [`Self::lasso_depth`].
     pub const LASSO_DEPTHS: (f64, f64) = (0.002, 0.5);
+
+    /// The least and the greatest [`Self::room_near`].
+    pub const ROOM_NEARS: (f64, f64) = (0.01, 0.5);
 
     /// Multiplies the brush's radius, within [`Self::RADII`].
     pub fn widen(&mut self, factor: f64) {
@@ -233,6 +238,7 @@ impl Default for Tools {
             locomotion: Locomotion::default(),
             upright: false,
             floor: true,
+            room_near: 0.05,
             surroundings: false,
             callouts: false,
         }

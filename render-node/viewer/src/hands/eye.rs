@@ -6,9 +6,6 @@ use sg_scene::camera::{Camera, Light};
 use super::placement::{Placement, Pose};
 use super::pointing::Rectangle;
 
-/// Metres of the room from an eye within which Gaussians fade out.
-pub(super) const NEAR: f64 = 0.05;
-
 /// An eye's field of view, as angles from its forward axis in radians. Right and up count positive, so `left` and `down`
 /// usually are negative. It need not be symmetric.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +56,7 @@ impl Eye {
     }
 
     /// The eye as a pinhole camera of a placed scene, in the scene's own unit. The room is transformed into the scene, not
-    /// the scene into the room. So centres and cut-offs stay the scene's. The near distance is 5 cm of the room.
+    /// the scene into the room. So centres and cut-offs stay the scene's. Gaussians fade within `near` metres of the room.
     ///
     /// `size` is the picture's in pixels. An empty field of view makes an invalid camera, and [`Camera::check`] reports it.
     #[must_use]
@@ -67,6 +64,7 @@ impl Eye {
         &self,
         [width, height]: [u32; 2],
         placement: &Placement,
+        near: f64,
         background: [f32; 3],
         light: Light,
     ) -> Camera {
@@ -95,7 +93,7 @@ impl Eye {
             world_to_camera,
             background,
             light,
-            near: NEAR / placement.scale,
+            near: near / placement.scale,
             preview_scale: 1.0,
         }
     }

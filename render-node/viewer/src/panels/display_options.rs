@@ -7,7 +7,7 @@ use super::icon::Icon;
 use super::legend::color_numbers;
 use super::output::PanelHost;
 use super::state::Panels;
-use crate::display::number_format::{count, percent};
+use crate::display::number_format::{centimetres, count, percent};
 use crate::display::{BrushMode, DisplayMode, Locomotion, Tools, TurnStyle, ViewState};
 use sg_raster::attributes::Attribute;
 use sg_raster::render::Quality;
@@ -112,6 +112,7 @@ impl Panels {
                 ui.add(Checkbox::new(&mut tools.surroundings, "surroundings"));
             }
             ui.add(Checkbox::new(&mut tools.callouts, "labels at the controllers"));
+            near_distance(ui, tools);
         }
     }
 
@@ -158,6 +159,16 @@ pub(crate) fn mode_icon(mode: BrushMode) -> Icon {
         BrushMode::Walk => Icon::Region,
         BrushMode::Cluster => Icon::Patch,
         BrushMode::Point => Icon::Dot,
+    }
+}
+
+/// Distance from the eyes within which Gaussians fade.
+fn near_distance(ui: &mut Ui, tools: &mut Tools) {
+    let (least, most) = Tools::ROOM_NEARS;
+    let mut near = tools.room_near;
+    let number = Number { name: "near distance", range: least..=most, logarithmic: true, text: centimetres };
+    if number.show(ui, &mut near) {
+        tools.room_near = near.clamp(least, most);
     }
 }
 

@@ -94,9 +94,7 @@ impl Panels {
                 self.hold(Action::SetLight(command(value as f32)));
             }
         }
-        if self.host == PanelHost::Window {
-            ui.add(Checkbox::new(&mut tools.occlusion, "ambient occlusion"));
-        }
+        ui.add(Checkbox::new(&mut tools.occlusion, "ambient occlusion"));
         ui.label("part of the shading");
         ui.horizontal_wrapped(|ui| {
             for (name, term) in TERMS {

@@ -35,9 +35,9 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Cameras of both eyes for pictures of `size` pixels.
-    fn cameras(&self, size: [u32; 2], background: [f32; 3], light: Light) -> [Camera; 2] {
-        self.eyes.map(|eye| eye.camera(size, &self.placement, background, light))
+    /// Cameras of both eyes for pictures of `size` pixels. Gaussians fade within `near` metres of the room.
+    fn cameras(&self, size: [u32; 2], near: f64, background: [f32; 3], light: Light) -> [Camera; 2] {
+        self.eyes.map(|eye| eye.camera(size, &self.placement, near, background, light))
     }
 }
 
@@ -69,6 +69,10 @@ pub(super) struct EyeRenderer {
     trial: Trial,
     /// Whether the renderer's buffers and textures are made.
     is_prepared: bool,
+    /// Whether pictures with ambient occlusion need nothing new.
+    can_occlude: bool,
+    /// Whether the newest picture has ambient occlusion.
+    pub(super) is_occluded: bool,
     /// Rasterizer of the affine projection.
     rasterizer: Rasterizer,
     control: QualityControl,
@@ -132,6 +136,8 @@ impl EyeRenderer {
             size,
             trial,
             is_prepared: false,
+            can_occlude: false,
+            is_occluded: false,
             rasterizer: fixed.filter(usable).unwrap_or_default(),
             control: QualityControl::default(),
             timer,
@@ -152,6 +158,11 @@ impl EyeRenderer {
     /// Whether pictures can be drawn: the trial is over.
     pub(super) fn is_ready(&self) -> bool {
         self.trial.is_over() && self.is_prepared
+    }
+
+    /// Whether pictures with ambient occlusion create nothing in a frame: everything they need was made between frames.
+    pub(super) fn can_occlude(&self) -> bool {
+        self.can_occlude
     }
 
     fn settings(&self, tools: &Tools) -> Settings {
@@ -180,15 +191,19 @@ impl EyeRenderer {
             self.renderer.hide([&left, &right]);
         }
         if self.trial.is_over() {
-            let cameras = sight.cameras(self.size, [0.0; 3], Light::default());
+            let cameras = sight.cameras(self.size, tools.room_near, [0.0; 3], Light::default());
             // By ray, the buffers depend on the quality.
             let quality = if self.pictures > 0 { self.level.quality } else { settings.quality };
-            self.renderer.prepare(&cameras, Settings { quality, ..settings })?;
+            if tools.occlusion {
+                self.renderer.expect_occlusion();
+            }
+            let is_complete = self.renderer.prepare(&cameras, Settings { quality, ..settings })?;
+            self.can_occlude |= is_complete && tools.occlusion;
             self.is_prepared = true;
             return Ok(());
         }
         let look = look();
-        let cameras = sight.cameras(self.size, look.background.to_array(), look.light);
+        let cameras = sight.cameras(self.size, tools.room_near, look.background.to_array(), look.light);
         if !self.trial.step(&mut self.renderer, &cameras, &look, settings)? {
             return Ok(());
         }
@@ -313,7 +328,8 @@ impl EyeRenderer {
         let reveals = frame.blend_mode().shows_surroundings();
         let background = if reveals { [0.0; 3] } else { look.background.to_array() };
         let whole = frame.size();
-        let cameras = sight.cameras(part, background, look.light).map(|camera| previewing(whole, &camera));
+        let cameras = sight.cameras(part, tools.room_near, background, look.light);
+        let cameras = cameras.map(|camera| previewing(whole, &camera));
         let in_motion = in_motion && held.is_none();
         let settings = Settings { quality: self.level.quality, in_motion, ..self.settings(tools) };
         let time = self.begun.elapsed().as_secs_f64();
@@ -327,9 +343,11 @@ impl EyeRenderer {
         self.submitted.push_back(Submitted { number: picture, time, level: number });
         self.part = part;
         self.pictures += 1;
+        self.is_occluded = look.occlusion.is_some();
         let depth_part = self.renderer.depth_size(part, settings);
         let gpu: Gpu = frame.gpu().clone();
-        let room_cameras = frame.eyes.map(|eye| eye.camera(part, &Placement::IDENTITY, background, Light::default()));
+        let room = Sight { placement: Placement::IDENTITY, ..sight };
+        let room_cameras = room.cameras(part, tools.room_near, background, Light::default());
         let Self { renderer, present, vignette, depths, meshes, .. } = self;
         frame.draw_eyes_and_depths(part, |targets, depth_targets| {
             let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -378,4 +396,24 @@ fn mesh_eye<'a>(
         middle: around.middle,
         reveals,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    #[test]
+    fn both_eyes_fade_gaussians_within_the_set_metres_of_the_room() {
+        let fov = Fov { left: -0.8, right: 0.8, up: 0.7, down: -0.7 };
+        let eye = |x: f64| Eye { pose: Pose { position: DVec3::new(x, 1.6, 0.0), ..Pose::IDENTITY }, fov };
+        let placement = Placement { scale: 0.25, rotation: DQuat::IDENTITY, translation: DVec3::new(0.0, 1.2, -0.8) };
+        let sight = Sight { eyes: [eye(-0.03), eye(0.03)], head: Pose::IDENTITY, placement, period: 1.0 / 90.0 };
+        for near in [0.01, Tools::default().room_near, 0.5] {
+            let cameras = sight.cameras([64, 48], near, [0.0; 3], Light::default());
+            // Four units of the scene are a metre of the room.
+            assert!(cameras.iter().all(|camera| (camera.near - 4.0 * near).abs() < 1e-12), "{near}: {cameras:?}");
+        }
+    }
 }

@@ -12,16 +12,19 @@ mod laser;
 mod meshes;
 mod mirror;
 mod motion;
+mod occlusion;
 mod overlay;
 mod panel_layers;
 mod push_to_talk;
 mod room_meshes;
+mod saved_settings;
 mod screenshots;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sg_edit::EditState;
+use sg_scene::appearance::Appearance;
 use sg_scene::model::{Scene, SceneBox};
 
 use crate::display::frame_trace::SessionVisibility;
@@ -42,9 +45,11 @@ use eye_renderer::{Around, EyeRenderer, Sight};
 use laser::SceneHits;
 use mirror::Mirror;
 use motion::Motion;
+use occlusion::Occlusion;
 use overlay::MarkerOverlay;
 use panel_layers::PanelLayers;
 use room_meshes::{Floor, Hole, Met, Room, SeenHand};
+use saved_settings::SavedSettings;
 use screenshots::Screenshots;
 
 /// Seconds of one frame before the headset has said how long one is.
@@ -56,8 +61,13 @@ pub struct Setup {
     pub scene: Arc<Scene>,
     /// Source of the newest state, and sink of requests.
     pub view_port: ViewPort,
-    /// The settings of hands and panels.
+    /// The initial settings of hands and panels; those that `settings` has override them.
     pub tools: Tools,
+    /// Metres of the room within which Gaussians fade, if given for this run; it overrides the saved one.
+    pub near: Option<f64>,
+    /// Path of the settings that the headset shares with the window: ambient occlusion and the near distance of the room. `None`:
+    /// not saved.
+    pub settings: Option<PathBuf>,
     /// Path of the opened scene; transfer functions are read from its folder.
     pub opened: PathBuf,
     /// Whether a desktop window mirrors the left eye, while [`VrView::serve`] serves it.
@@ -79,6 +89,8 @@ pub struct VrView {
     tools: Tools,
     drafts: Drafts,
     appearance_builder: AppearanceBuilder,
+    occlusion: Occlusion,
+    saved_settings: SavedSettings,
     interaction: Interaction,
     panels: Panels,
     panel_layers: PanelLayers,
@@ -120,7 +132,19 @@ impl VrView {
     /// A room around an open headset.
     #[must_use]
     pub fn new(setup: Setup, headset: &Headset) -> Self {
-        let Setup { scene, mut view_port, mut tools, opened, mirror, rasterizer, pictures, frame_traces } = setup;
+        let Setup {
+            scene,
+            mut view_port,
+            mut tools,
+            near,
+            settings,
+            opened,
+            mirror,
+            rasterizer,
+            pictures,
+            frame_traces,
+        } = setup;
+        let saved_settings = SavedSettings::read(settings, near, &mut tools);
         let home = home(&scene, &mut view_port, &tools, headset.origin());
         let mut panels = Panels::new(PanelHost::Headset);
         for problem in panels.behind(&scene, Path::new(&opened)) {
@@ -150,6 +174,8 @@ impl VrView {
             tools,
             drafts: Drafts::default(),
             appearance_builder: AppearanceBuilder::default(),
+            occlusion: Occlusion::default(),
+            saved_settings,
             panels,
             bookmarks: Bookmarks::default(),
             comfort: ComfortVignette::default(),
@@ -215,11 +241,18 @@ impl VrView {
         self.panel_layers.callouts(side)
     }
 
-    /// Serves a headset on this thread until its session ends or its view port closes.
+    /// Serves a headset on this thread until its session ends or its view port closes, and saves the person's settings then.
     ///
     /// # Errors
     /// [`XrError::Gone`] for a runtime that went away and did not come back.
     pub fn serve(mut self, headset: &mut Headset) -> Result<(), XrError> {
+        let served = self.serve_frames(headset);
+        self.saved_settings.save(&self.tools);
+        served
+    }
+
+    /// The frames until the end.
+    fn serve_frames(&mut self, headset: &mut Headset) -> Result<(), XrError> {
         let mirror = self.mirrors.then(Mirror::open).transpose();
         let mut mirror = mirror.unwrap_or_else(|why| {
             tracing::warn!("the headset is not mirrored: {why}");
@@ -309,6 +342,7 @@ impl VrView {
     /// make one step of the trial that picks the rasterizer, and all further ones make what the next pictures need. Without
     /// effect while the runtime is away.
     pub fn prepare(&mut self, headset: &Headset) {
+        self.occlusion.prepare(&self.tools);
         let Some(sight) = self.sight else { return };
         let prepared = match &mut self.eyes {
             Some(eyes) => eyes.prepare(&sight, &self.tools, || {
@@ -340,6 +374,19 @@ impl VrView {
     #[must_use]
     pub fn level(&self) -> Option<usize> {
         self.eyes.as_ref().filter(|eyes| eyes.pictures > 0).map(EyeRenderer::level_number)
+    }
+
+    /// Whether the newest picture has ambient occlusion.
+    #[must_use]
+    pub fn is_occluded(&self) -> bool {
+        self.eyes.as_ref().is_some_and(|eyes| eyes.is_occluded)
+    }
+
+    /// The appearance with the newest ambient occlusion, where the settings say so and frames create nothing for it.
+    fn occluded(&mut self, appearance: Appearance) -> Appearance {
+        let can_occlude = self.eyes.as_ref().is_some_and(EyeRenderer::can_occlude);
+        let factors = self.occlusion.factors(&self.scene, &appearance, &self.tools);
+        Appearance { occlusion: factors.filter(|_| can_occlude), ..appearance }
     }
 
     /// Also mirrors the left eye on the desk, for as long as that works.
@@ -398,6 +445,7 @@ impl VrView {
         let mut holes = self.panel_layers.holes(&self.panels, &state);
         holes.extend(marks);
         self.aim(&appearance, &hands, busy);
+        let appearance = self.occluded(appearance);
         let has_holes = self.draw(frame, &appearance, &holes, &leaders)?;
         self.panels.numbers = self.appearance_builder.legend();
         self.panels.supported_actions =
@@ -441,7 +489,7 @@ impl VrView {
     }
 
     /// Finds what the hands' lasers meet: a panel, else the scene's front. A hand that draws or holds has no laser.
-    fn aim(&mut self, appearance: &sg_scene::appearance::Appearance, hands: &[HandInput; 2], busy: [bool; 2]) {
+    fn aim(&mut self, appearance: &Appearance, hands: &[HandInput; 2], busy: [bool; 2]) {
         let placement = self.interaction.placement();
         let on_panel = Side::BOTH.map(|side| self.panel_layers.pointed_by(side));
         let throws = Interaction::adds(&self.tools).other();
@@ -468,7 +516,7 @@ impl VrView {
     fn draw(
         &mut self,
         frame: &mut Frame<'_>,
-        appearance: &sg_scene::appearance::Appearance,
+        appearance: &Appearance,
         holes: &[Hole],
         leaders: &[[glam::DVec3; 2]],
     ) -> Result<bool, XrError> {
@@ -555,7 +603,8 @@ impl VrView {
         let Self { scene, appearance_builder, tools, .. } = self;
         let appearance =
             appearance_builder.build(scene, &state.scene, &state.selected, state.clusters.as_deref(), tools);
-        self.screenshots.take(&head, &placement, appearance);
+        let appearance = self.occluded(appearance);
+        self.screenshots.take(&head, &placement, self.tools.room_near, appearance);
     }
 
     fn tell(&self, headset: &Headset) {

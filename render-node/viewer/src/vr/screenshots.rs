@@ -42,11 +42,11 @@ struct JoinedLines {
 }
 
 /// The view of a head between its eyes, upright or not as the head is.
-fn camera(head: &Pose, placement: &Placement, appearance: &Appearance) -> Camera {
+fn camera(head: &Pose, placement: &Placement, near: f64, appearance: &Appearance) -> Camera {
     let [width, height] = SIZE;
     let up = (HALF_WIDTH.tan() * f64::from(height) / f64::from(width)).atan();
     let fov = Fov { left: -HALF_WIDTH, right: HALF_WIDTH, up, down: -up };
-    Eye { pose: *head, fov }.camera(SIZE, placement, appearance.background.to_array(), appearance.light)
+    Eye { pose: *head, fov }.camera(SIZE, placement, near, appearance.background.to_array(), appearance.light)
 }
 
 impl Screenshots {
@@ -59,8 +59,9 @@ impl Screenshots {
         self.scene = scene;
     }
 
-    /// Begins a picture of what a head sees of the placed scene. It replaces one that waits.
-    pub(super) fn take(&mut self, head: &Pose, placement: &Placement, appearance: Appearance) {
+    /// Begins a picture of what a head sees of the placed scene, where Gaussians fade within `near` metres of the room. It replaces
+    /// one that waits.
+    pub(super) fn take(&mut self, head: &Pose, placement: &Placement, near: f64, appearance: Appearance) {
         if self.exporter.is_none() {
             let made = window::threads()
                 .map_err(|e| e.to_string())
@@ -74,7 +75,7 @@ impl Screenshots {
             }
         }
         if let Some(exporter) = &self.exporter {
-            let camera = camera(head, placement, &appearance);
+            let camera = camera(head, placement, near, &appearance);
             let finish = Finish::to_look_at(appearance.background, false);
             exporter.export(&self.scene, ExportJob::Picture(Box::new(camera), appearance, finish));
         }
@@ -128,12 +129,12 @@ mod tests {
         let placement = Placement::fit(scene.bounds, DVec3::Z, DVec3::Y, Stance::Standing, Origin::Floor);
         let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), orientation: DQuat::from_rotation_x(-0.3) };
         let appearance = Appearance::of(&scene);
-        let seen = camera(&head, &placement, &appearance);
+        let seen = camera(&head, &placement, 0.05, &appearance);
         assert!(seen.check("a head").is_ok() && (seen.fx - seen.fy).abs() < 1e-9 * seen.fx, "square pixels");
         let mut screenshots = Screenshots::new(scene, folder.path().join("pictures"));
         let said: Arc<[Notice]> = Arc::from([Notice { number: 4, text: "hello".to_owned(), refused: false }]);
         assert!(Arc::ptr_eq(&screenshots.with_notices(&said), &said));
-        screenshots.take(&head, &placement, appearance);
+        screenshots.take(&head, &placement, 0.05, appearance);
         let begun = Instant::now();
         let lines = loop {
             let lines = screenshots.with_notices(&said);

@@ -10,10 +10,9 @@ use sg_scene::model::{Scene, SceneBox};
 use sg_scene::orientation::{Axis, LengthUnit};
 use sg_scene::subject::Subject;
 
-use super::occlusion::{is_requested, visible_parts};
 use super::round_length::{LABELS, round_length};
-use crate::display::LatestWorker;
 use crate::display::number_format::number;
+use crate::display::{LatestWorker, is_requested, visible_parts};
 
 /// Least number of cells along the box's longer side on the ground.
 const CELLS: f64 = 5.0;
@@ -116,10 +115,10 @@ impl GroundGrid {
         if let Some(found) = self.worker.take() {
             self.bounds = found;
         }
-        let wanted = visible_parts(appearance);
-        if !is_requested(self.requested.as_ref(), scene, &wanted) {
-            self.worker.submit((Arc::clone(scene), wanted.clone()));
-            self.requested = Some((Arc::clone(scene), wanted));
+        if !is_requested(self.requested.as_ref(), scene, appearance) {
+            let wanted = (Arc::clone(scene), visible_parts(appearance));
+            self.worker.submit(wanted.clone());
+            self.requested = Some(wanted);
         }
         self.bounds
     }

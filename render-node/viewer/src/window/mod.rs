@@ -28,7 +28,6 @@ mod move_tool;
 mod move_view;
 mod native_dialog;
 mod navigation;
-mod occlusion;
 mod orientation_cube;
 mod overlay;
 mod picture_request;

@@ -24,13 +24,12 @@ use super::image_texture::show_image;
 use super::mouse_tool::MouseTool;
 use super::move_tool::MoveTool;
 use super::navigation::Navigator;
-use super::occlusion::OcclusionWorker;
 use super::picture_request::PictureRequest;
 use super::polygon::Polygon;
 use super::shape_tool::ShapeTool;
 use crate::display::{
     AdaptiveQuality, BrushController, BrushSample, BrushSign, Clusters, DisplayMode, FollowedScene, LatestWorker,
-    Level, Tools, ViewState,
+    Level, OcclusionWorker, Tools, ViewState,
 };
 
 /// Time that a picture may take while something moves, seconds.

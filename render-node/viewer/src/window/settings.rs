@@ -60,6 +60,8 @@ pub struct Settings {
     pub grid: bool,
     /// Whether the eye goes to another view within a moment.
     pub smooth_views: bool,
+    /// Metres of the room from an eye of a headset within which Gaussians fade.
+    pub room_near: f64,
 }
 
 impl Default for Settings {
@@ -75,6 +77,7 @@ impl Default for Settings {
             occlusion,
             grid,
             smooth_views,
+            room_near,
             ..
         } = Tools::default();
         Self {
@@ -97,6 +100,7 @@ impl Default for Settings {
             native_dialogs: true,
             grid,
             smooth_views,
+            room_near,
         }
     }
 }
@@ -178,7 +182,19 @@ impl Settings {
 
     /// Copies saved settings into tools; a quality `given` for this run takes precedence.
     pub fn apply(&self, tools: &mut Tools, given: Option<Quality>) {
-        let Self { mode, radius, front_only, light_panels, scale, gradient, occlusion, grid, smooth_views, .. } = *self;
+        let Self {
+            mode,
+            radius,
+            front_only,
+            light_panels,
+            scale,
+            gradient,
+            occlusion,
+            grid,
+            smooth_views,
+            room_near,
+            ..
+        } = *self;
         let quality = given.unwrap_or(self.quality);
         *tools = Tools {
             mode,
@@ -191,6 +207,7 @@ impl Settings {
             occlusion,
             grid,
             smooth_views,
+            room_near,
             ..tools.clone()
         };
     }
@@ -210,6 +227,7 @@ impl Settings {
         self.width = within(self.width, 320.0, 16_384.0, first.width);
         self.height = within(self.height, 240.0, 16_384.0, first.height);
         self.radius = within(self.radius, Tools::RADII.0, Tools::RADII.1, first.radius);
+        self.room_near = within(self.room_near, Tools::ROOM_NEARS.0, Tools::ROOM_NEARS.1, first.room_near);
         self.scale = within(self.scale.into(), 0.5, 4.0, first.scale.into()) as f32;
         self.recent.retain(|path| path.is_absolute());
         self.recent.truncate(RECENT_FILES);
@@ -264,7 +282,7 @@ mod tests {
         };
         settings.save(&path).unwrap();
         assert_eq!(Settings::load(&path).unwrap(), Some(settings));
-        std::fs::write(&path, "width = 1e9\nradius = nan\nmanner = \"fly\"\nnews = 3\n").unwrap();
+        std::fs::write(&path, "width = 1e9\nradius = nan\nroom_near = 0.7\nmanner = \"fly\"\nnews = 3\n").unwrap();
         assert_eq!(
             Settings::load(&path).unwrap(),
             Some(Settings { navigation_mode: NavigationMode::Fly, ..Settings::default() })

@@ -177,6 +177,7 @@ impl WindowUi {
             occlusion,
             grid,
             smooth_views,
+            room_near,
             ..
         } = self.tools;
         Settings {
@@ -194,6 +195,7 @@ impl WindowUi {
             hints_done: self.hints_done.clone(),
             grid,
             smooth_views,
+            room_near,
             ..Settings::default()
         }
     }

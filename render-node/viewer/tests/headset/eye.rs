@@ -5,6 +5,8 @@ use proptest::prelude::*;
 use sg_scene::camera::{Camera, Light};
 use sg_viewer::hands::{Eye, Fov, Placement, Pose, Rectangle};
 
+use crate::NEAR;
+
 fn pixel(camera: &Camera, p: DVec3) -> DVec2 {
     let p = camera.view().transform_point3(p);
     assert!(p.z > 0.0);
@@ -14,14 +16,15 @@ fn pixel(camera: &Camera, p: DVec3) -> DVec2 {
 #[test]
 fn edges_of_the_field_of_view_are_edges_of_the_picture() {
     let fov = Fov { left: -0.9, right: 0.7, up: 0.8, down: -0.6 };
-    let camera = Eye { pose: Pose::IDENTITY, fov }.camera([400, 300], &Placement::IDENTITY, [0.0; 3], Light::default());
+    let camera =
+        Eye { pose: Pose::IDENTITY, fov }.camera([400, 300], &Placement::IDENTITY, NEAR, [0.0; 3], Light::default());
     let seen = |x: f64, y: f64| pixel(&camera, DVec3::new(x.tan(), y.tan(), -1.0));
     assert!(seen(fov.left, fov.up).length() < 1e-9, "top left");
     assert!((seen(fov.right, fov.down) - DVec2::new(400.0, 300.0)).length() < 1e-9, "bottom right");
     assert!(camera.check("eye").is_ok());
     let blind = Fov { left: 0.3, right: 0.3, ..fov };
     let camera =
-        Eye { pose: Pose::IDENTITY, fov: blind }.camera([4, 4], &Placement::IDENTITY, [0.0; 3], Light::default());
+        Eye { pose: Pose::IDENTITY, fov: blind }.camera([4, 4], &Placement::IDENTITY, NEAR, [0.0; 3], Light::default());
     assert!(camera.check("eye").is_err());
 }
 
@@ -72,7 +75,7 @@ proptest! {
         };
         let pose = Pose { position: DVec3::from_array(eye), orientation: DQuat::from_array(head).normalize() };
         let fov = Fov { left: -0.8, right: 0.9, up: 0.7, down: -0.75 };
-        let camera = Eye { pose, fov }.camera([640, 480], &placement, [0.0; 3], Light::default());
+        let camera = Eye { pose, fov }.camera([640, 480], &placement, NEAR, [0.0; 3], Light::default());
         prop_assert!(camera.check("eye").is_ok());
         let local = DVec3::from_array(offset) + DVec3::new(0.0, 0.0, -1.5);
         let seen = pixel(&camera, placement.to_scene(pose.to_room(local)));
@@ -82,5 +85,6 @@ proptest! {
         // A metre of the room is 1/scale units of the scene.
         let depth = camera.view().transform_point3(placement.to_scene(pose.to_room(local))).z;
         prop_assert!((depth * scale - -local.z).abs() < 1e-9 * (1.0 + 1.0 / scale));
+        prop_assert!((camera.near * scale - NEAR).abs() < 1e-12, "{} of the scene", camera.near);
     }
 }

@@ -8,6 +8,9 @@
     reason = "a test fails by panicking and says what it measured"
 )]
 
+/// Metres of the room from an eye within which Gaussians fade.
+const NEAR: f64 = 0.05;
+
 mod eye;
 #[cfg(feature = "xr")]
 mod fingers;

@@ -8,7 +8,7 @@ use sg_scene::appearance::Appearance;
 use sg_scene::camera::{Camera, Light};
 use sg_viewer::hands::{Eye, Fov, Placement, Pose};
 
-use crate::scenes;
+use crate::{NEAR, scenes};
 
 const SIZE: [u32; 2] = [200, 160];
 
@@ -97,7 +97,9 @@ fn hides(gpu: &Gpu, multiview: Option<bool>) {
     // Near enough to fill both eyes' pictures.
     placement = placement.scaled(DVec3::new(0.0, 1.2, -0.8), 3.0 * placement.scale);
     let cameras = |eyes: &[Eye]| -> Vec<Camera> {
-        eyes.iter().map(|e| e.camera(SIZE, &placement, appearance.background.to_array(), Light::default())).collect()
+        eyes.iter()
+            .map(|e| e.camera(SIZE, &placement, NEAR, appearance.background.to_array(), Light::default()))
+            .collect()
     };
     let settings = Settings { rasterizer: Rasterizer::Quads, ..Settings::default() };
     let meshes = [corners(0.35), corners(0.2)];
@@ -151,7 +153,9 @@ fn hidden_tiles_cost_no_pair_and_visible_pixels_stay() {
     let mut placement = Placement::fit(scene.bounds, DVec3::Y, DVec3::NEG_Z, Default::default(), Default::default());
     placement = placement.scaled(DVec3::new(0.0, 1.2, -0.8), 3.0 * placement.scale);
     let cameras = |eyes: &[Eye], size: [u32; 2]| -> Vec<Camera> {
-        eyes.iter().map(|e| e.camera(size, &placement, appearance.background.to_array(), Light::default())).collect()
+        eyes.iter()
+            .map(|e| e.camera(size, &placement, NEAR, appearance.background.to_array(), Light::default()))
+            .collect()
     };
     let everything = [[DVec2::splat(-3.0), DVec2::new(9.0, -3.0), DVec2::new(-3.0, 9.0)]];
     let meshes = [corners(0.45), corners(0.3)];
@@ -243,7 +247,7 @@ fn savings_of_a_visibility_mask() {
     for (size, nearer) in [(480, 1.0), (480, 3.0)] {
         let placement = fitted.scaled(DVec3::new(0.0, 1.2, -0.8), nearer * fitted.scale);
         let cameras = [eye(-0.03, 0.0), eye(0.03, 0.0)]
-            .map(|e| e.camera([size; 2], &placement, appearance.background.to_array(), Light::default()));
+            .map(|e| e.camera([size; 2], &placement, NEAR, appearance.background.to_array(), Light::default()));
         let shares = [0.0, 0.1, 0.3, 0.5];
         let mut seconds = [const { Vec::new() }; 4];
         for _ in 0..7 {

@@ -24,6 +24,7 @@ use sg_viewer::hands::locomotion::arc;
 use sg_viewer::hands::{Pose, Side};
 use sg_viewer::panels::{DisplayAction, Panel, PanelHost, Panels, theme};
 use sg_viewer::vr::{Setup, VrView};
+use sg_viewer::window::Settings;
 use sg_viewer::xr::{Counts, Frame, FrameOutcome, Headset, Options, PAUSE, XrError};
 
 use crate::monado::{Controller, Display, Puppet, Runtime, Screen, is_inside, run_inside};
@@ -273,6 +274,8 @@ fn inside_the_room_of_a_real_scene_is_composited() {
         scene: Arc::clone(&scene),
         view_port,
         tools,
+        near: None,
+        settings: None,
         opened: path,
         mirror: false,
         rasterizer: None,
@@ -344,9 +347,18 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     let folder = tempfile::tempdir().unwrap();
     let pictures = folder.path().join("pictures");
     let kept = pictures.clone();
-    let (mirror, frame_traces) = (false, None);
-    let setup =
-        Setup { scene: Arc::clone(&scene), view_port, tools, opened, mirror, rasterizer, pictures, frame_traces };
+    let setup = Setup {
+        scene: Arc::clone(&scene),
+        view_port,
+        tools,
+        near: None,
+        settings: None,
+        opened,
+        mirror: false,
+        rasterizer,
+        pictures,
+        frame_traces: None,
+    };
     let room = VrView::new(setup, &headset);
     let mut person = Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 };
     person.until("hands", |p| p.hands.iter().all(|h| h.aim.is_some() && h.grip.is_some()));
@@ -538,4 +550,56 @@ fn inside_a_person_brushes_holds_and_types_with_both_hands() {
     person.press(Panel::SELECT, place_of(Panel::SELECT, &selected, &tools, false, "save"));
     let saved = |r: &Request| matches!(r, Request::Change(a) if matches!(&**a, Action::SaveUnit(s) if s.name == "sac"));
     person.until("a saved unit", |p| p.asked.iter().any(saved));
+}
+
+#[test]
+fn pictures_have_ambient_occlusion_where_the_settings_say_so() {
+    run_inside("rooms::inside_pictures_have_ambient_occlusion_where_the_settings_say_so");
+}
+
+#[test]
+#[ignore = "run by the test without `inside`"]
+fn inside_pictures_have_ambient_occlusion_where_the_settings_say_so() {
+    if !is_inside() {
+        return;
+    }
+    let _runtime = Runtime::start(&Display::None);
+    let scene = Arc::new(scenes::scene(&scenes::surface(400, 7)));
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("window.toml");
+    Settings { occlusion: true, room_near: 0.2, ..Settings::default() }.save(&settings).unwrap();
+    let enter = |settings, headset: Headset, puppet| {
+        let (view_port, service) = ViewPort::new(shown_of(&scene));
+        let setup = Setup {
+            scene: Arc::clone(&scene),
+            view_port,
+            tools: Tools::default(),
+            near: None,
+            settings,
+            opened: "scene.ply".into(),
+            mirror: false,
+            rasterizer: Some(Rasterizer::Tiles),
+            pictures: folder.path().join("pictures"),
+            frame_traces: None,
+        };
+        let room = VrView::new(setup, &headset);
+        Person { headset, room, service, puppet, asked: Vec::new(), hands: Default::default(), depths: 0 }
+    };
+    let puppet = Puppet::connect();
+    let headset = Headset::open(Options { resolution: 0.3, ..Options::default() }).unwrap();
+    let mut person = enter(None, headset, puppet);
+    person.until("a picture", |p| p.room.level().is_some());
+    let mut frames = 0;
+    person.until("frames without ambient occlusion", |p| {
+        frames += 1;
+        assert!(!p.room.is_occluded());
+        frames > 30
+    });
+    assert_eq!(person.room.tools().room_near, 0.05);
+    let Person { headset, room, puppet, .. } = person;
+    drop(room);
+
+    let mut person = enter(Some(settings), headset, puppet);
+    assert_eq!((person.room.tools().occlusion, person.room.tools().room_near), (true, 0.2));
+    person.until("ambient occlusion", |p| p.room.is_occluded());
 }

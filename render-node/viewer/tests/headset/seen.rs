@@ -16,6 +16,7 @@ use sg_viewer::xr::{FrameOutcome, Headset, Options, PAUSE, PanelLayer, XrError};
 use winit::event_loop::EventLoop;
 use winit::platform::x11::EventLoopBuilderExtX11;
 
+use crate::NEAR;
 use crate::monado::{Display, Puppet, Runtime, Screen, is_inside, is_there, run_inside, run_inside_beside};
 
 /// Of the screen, and so of the committed picture. The runtime fills it with both eyes.
@@ -74,9 +75,9 @@ fn inside_a_real_scene_and_a_panel_are_composited() {
     while shown < 3 {
         assert!(begun.elapsed().as_secs() < 60, "{shown} frames in a minute");
         let step = headset.frame(|frame| {
-            let cameras = frame
-                .eyes
-                .map(|eye| eye.camera(frame.size(), &placement, appearance.background.to_array(), Light::default()));
+            let cameras = frame.eyes.map(|eye| {
+                eye.camera(frame.size(), &placement, NEAR, appearance.background.to_array(), Light::default())
+            });
             renderer.draw(&cameras, &appearance, settings).unwrap();
             let [width, height] = frame.size();
             frame.draw_eyes(|targets| {

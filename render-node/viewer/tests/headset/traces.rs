@@ -207,6 +207,8 @@ fn record(play: &Play, folder: &Path) -> PathBuf {
         scene: Arc::clone(&scene),
         view_port,
         tools: Tools::default(),
+        near: None,
+        settings: None,
         opened: "scene.ply".into(),
         mirror: false,
         rasterizer: None,

@@ -13,7 +13,7 @@ use sg_proto::scene::{
 use sg_raster::attributes::{Attribute, Legend};
 use sg_raster::color_map::ColorMap;
 use sg_raster::render::Quality;
-use sg_viewer::display::{DisplayMode, Request, ServiceAvailability, TurnStyle};
+use sg_viewer::display::{DisplayMode, Request, ServiceAvailability, Tools, TurnStyle};
 use sg_viewer::panels::{DisplayAction, Draft, Output, Panel, PanelHost};
 
 use crate::stage::{Stage, harness, press};
@@ -401,6 +401,28 @@ fn display_options_belong_to_one_display() {
     panel.state_mut().panels.host = PanelHost::Window;
     panel.run();
     assert!(panel.query_by_label("left-handed").is_none(), "a window has no hands");
+}
+
+#[test]
+fn a_headset_sets_its_near_distance_and_ambient_occlusion() {
+    let mut panel = scene();
+    assert_eq!((panel.state().tools.room_near, panel.state().tools.occlusion), (0.05, false));
+    press(&mut panel, "This display");
+    drag(&mut panel, "near distance", 0.95);
+    let near = panel.state().tools.room_near;
+    assert!(near > 0.3 && near <= Tools::ROOM_NEARS.1, "{near}");
+    drag(&mut panel, "near distance", 0.05);
+    let near = panel.state().tools.room_near;
+    assert!(near < 0.02 && near >= Tools::ROOM_NEARS.0, "{near}");
+    press(&mut panel, "Light and background");
+    press(&mut panel, "ambient occlusion");
+    assert!(panel.state().tools.occlusion);
+    assert_eq!(panel.state().asked, [], "nothing of it is told to the scene");
+    panel.state_mut().panels.host = PanelHost::Window;
+    panel.run();
+    assert!(panel.query_by_label("near distance").is_none(), "a window has its own");
+    press(&mut panel, "ambient occlusion");
+    assert!(!panel.state().tools.occlusion);
 }
 
 #[test]

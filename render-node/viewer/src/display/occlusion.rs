@@ -1,4 +1,4 @@
-//! Ambient occlusion of a window's pictures. It is computed beside the loop after each change of what is visible; until then the
+//! Ambient occlusion of a display's pictures. It is computed beside the loop after each change of what is visible; until then the
 //! pictures keep the last one.
 
 use std::sync::Arc;
@@ -6,15 +6,16 @@ use std::sync::Arc;
 use sg_raster::occlusion::ambient_occlusion;
 use sg_scene::appearance::{Appearance, ShadingTerm};
 use sg_scene::camera::Light;
+use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
 
-use crate::display::LatestWorker;
+use super::latest_worker::LatestWorker;
 
 /// A scene as it looks.
 type Look = (Arc<Scene>, Appearance);
 
 /// The factors of the newest appearance.
-pub(super) struct OcclusionWorker {
+pub(crate) struct OcclusionWorker {
     worker: LatestWorker<Look, Option<Arc<[f32]>>>,
     requested: Option<Look>,
     factors: Option<Arc<[f32]>>,
@@ -22,42 +23,57 @@ pub(super) struct OcclusionWorker {
 
 impl OcclusionWorker {
     /// A worker on `pool`, that calls `wake` after each result.
-    pub(super) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+    pub(crate) fn new(pool: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let work = move |(scene, appearance): Look| pool.install(|| ambient_occlusion(&scene, &appearance));
         Ok(Self { worker: LatestWorker::new("occludes", work, wake)?, requested: None, factors: None })
     }
 
     /// The newest factors. Asks for those of `scene` and `appearance` where they are not known; does not wait.
-    pub(super) fn factors(&mut self, scene: &Arc<Scene>, appearance: &Appearance) -> Option<Arc<[f32]>> {
+    pub(crate) fn factors(&mut self, scene: &Arc<Scene>, appearance: &Appearance) -> Option<Arc<[f32]>> {
         if let Some(found) = self.worker.take() {
             self.factors = found;
         }
-        let wanted = visible_parts(appearance);
-        if !is_requested(self.requested.as_ref(), scene, &wanted) {
-            self.worker.submit((Arc::clone(scene), wanted.clone()));
-            self.requested = Some((Arc::clone(scene), wanted));
+        if !is_requested(self.requested.as_ref(), scene, appearance) {
+            let wanted = (Arc::clone(scene), visible_parts(appearance));
+            self.worker.submit(wanted.clone());
+            self.requested = Some(wanted);
         }
         // Those of other Gaussians fit nothing: some were duplicated meanwhile, or a duplicate went.
         self.factors.clone().filter(|factors| factors.len() == scene.len())
     }
 
     /// Whether nothing is computed or waits.
-    pub(super) fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         self.worker.is_idle()
     }
 }
 
-/// Whether a request is for this very scene and an equal appearance.
-pub(super) fn is_requested(
+/// Whether a request is for this very scene and an appearance that shows the same. It runs in every frame and allocates nothing.
+pub(crate) fn is_requested(
     requested: Option<&(Arc<Scene>, Appearance)>,
     scene: &Arc<Scene>,
     appearance: &Appearance,
 ) -> bool {
-    requested.is_some_and(|(of, wanted)| Arc::ptr_eq(of, scene) && wanted == appearance)
+    requested.is_some_and(|(of, wanted)| Arc::ptr_eq(of, scene) && shows_the_same(wanted, appearance))
+}
+
+/// Whether two appearances agree in all that [`visible_parts`] keeps for occlusion and for the box of what is visible.
+fn shows_the_same(a: &Appearance, b: &Appearance) -> bool {
+    bases(a).eq(bases(b)) && units(a).eq(units(b)) && a.clips == b.clips && a.filter == b.filter
+}
+
+/// Opacity of each base unit, and whether it is drawn.
+fn bases(appearance: &Appearance) -> impl Iterator<Item = (f32, bool)> {
+    appearance.base.iter().map(|base| (base.opacity, base.visible))
+}
+
+/// Members of each editable unit, their opacity, and whether they are drawn.
+fn units(appearance: &Appearance) -> impl Iterator<Item = (&Arc<Mask>, f32, bool)> {
+    appearance.units.iter().map(|unit| (&unit.mask, unit.opacity, unit.visible))
 }
 
 /// What occlusion depends on, and the box of what is visible: opacities, what is hidden, clips.
-pub(super) fn visible_parts(appearance: &Appearance) -> Appearance {
+pub(crate) fn visible_parts(appearance: &Appearance) -> Appearance {
     let mut parts = Appearance { overlay: None, colors: None, occlusion: None, ..appearance.clone() };
     (parts.light, parts.term, parts.background) = (Light::default(), ShadingTerm::Full, glam::Vec3::ZERO);
     for base in &mut parts.base {
@@ -72,7 +88,6 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use sg_scene::appearance::UnitAppearance;
-    use sg_scene::mask::Mask;
     use sg_scene::synthetic::test_scene;
     use sg_scene::tone::Tone;
 
@@ -104,6 +119,9 @@ mod tests {
         let half = newest(&mut worker, &scene, &look).unwrap();
         let sum = |factors: &[f32]| factors.iter().sum::<f32>();
         assert!(sum(&half) > sum(&first), "what is hidden gives no shadow");
+        look.units[0].tone = Tone { saturation: 0.5, ..Tone::NEUTRAL };
+        look.units[0].color = Some(glam::Vec3::Y);
+        assert!(Arc::ptr_eq(&half, &newest(&mut worker, &scene, &look).unwrap()), "no colour gives shadow");
         let mut moved = Scene::clone(&scene);
         moved.units[0].gaussians.position.iter_mut().for_each(|p| *p *= 100.0);
         let apart = newest(&mut worker, &Arc::new(moved), &look).unwrap();
