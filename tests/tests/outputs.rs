@@ -10,7 +10,7 @@ use sg_scene::synthetic::samples;
 use sg_tests::command;
 
 /// Foreign files of the working folder. Each has the name of an output.
-const FOREIGN: [(&str, &str); 17] = [
+const FOREIGN: [(&str, &str); 18] = [
     ("picture.png", "notes under the name of a picture"),
     ("values.npy", "notes under the name of an array"),
     ("points.ply", "notes under the name of a point cloud"),
@@ -22,6 +22,7 @@ const FOREIGN: [(&str, &str); 17] = [
     ("earlier/demo-files.json", "[\"01-before.png\"]"),
     ("earlier/01-before.png", "a picture of an earlier demo"),
     ("earlier/scene.sgproj", "edits in the window of an earlier demo"),
+    ("trained/training.checkpoint", "notes under the name of a checkpoint"),
     ("strokes.json", "[]"),
     ("launch.toml", "schema = 99\n"),
     ("graph.json", "{\"nodes\": 2, \"edges\": [[0, 1, 1.0]], \"foreground\": [0], \"background\": [1]}"),
@@ -185,6 +186,9 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", "short.raw", "--initial-only", "--keep-in", "new"],
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--spacing", "0,1,1"],
                 &["fit", "picture.png", "--initial-only", "--out", "new", "--spacing", "1,1,1"],
+                &["fit", VOLUME, "--out", "trained"],
+                &["fit", VOLUME, "--out", "trained", "--resume"],
+                &["fit", VOLUME, "--out", "new", "--gaussians", "50", "--resume"],
             ],
         ),
         (
@@ -220,7 +224,7 @@ struct Place {
 impl Place {
     fn new() -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
-        for folder in ["work/taken/calm", "work/earlier", "work/good", "home", "run"] {
+        for folder in ["work/taken/calm", "work/earlier", "work/trained", "work/good", "home", "run"] {
             std::fs::create_dir_all(place.at(folder)).unwrap();
         }
         for (name, text) in FOREIGN {

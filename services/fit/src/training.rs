@@ -7,11 +7,17 @@
 //! Each step draws one view with [`sg_raster::gradient`], takes the [`loss()`] and its derivatives, and moves all attributes by
 //! Adam. Rates fall over the run. The scene with the best held-out pictures is the result, so no step makes it
 //! worse than its start.
+//!
+//! [`train`] makes all steps. [`Training`] makes one at a time, and its state between two steps can be kept as a
+//! [`checkpoint`]. Nothing is random in a step and no Gaussian comes or goes, so a run that goes on from a checkpoint
+//! ends with the scene of one that was never interrupted, if it is limited by its steps.
 
+pub mod checkpoint;
 pub mod loss;
 mod optimizer;
 mod views;
 
+use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -22,9 +28,10 @@ use sg_raster::image_error::Difference;
 use sg_raster::render::{Quality, RenderError, render};
 use sg_scene::model::Scene;
 
+use checkpoint::{Checkpoint, CheckpointError, Origin};
 use loss::{Channels, Loss, loss, similarity};
-use optimizer::Optimizer;
 pub use optimizer::Rates;
+use optimizer::{Numbers, Optimizer, write_numbers};
 pub use views::{TrainingView, ViewOptions, volume_views};
 
 /// Share of the first rates that is left at the end.
@@ -125,6 +132,9 @@ pub enum TrainingError {
     /// The scene cannot be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// The checkpoint is not of this training.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
 }
 
 /// Trains a scene in place. `progress` gets each measurement; [`ControlFlow::Break`] ends the run with the best scene so far.
@@ -138,60 +148,205 @@ pub fn train(
     options: &TrainingOptions,
     mut progress: impl FnMut(&Measurement, usize) -> ControlFlow<()>,
 ) -> Result<TrainingReport, TrainingError> {
-    check_views(views, held_out)?;
-    let clock = Instant::now();
-    let measure = |scene: &Scene, iteration: usize| measure(scene, held_out, iteration, clock.elapsed().as_secs_f64());
-    let mut optimizer = Optimizer::new(scene);
-    let first = measure(scene, 0)?;
-    let mut measurements = vec![first];
-    let (mut best, mut best_scene) = (first, scene.clone());
-    let mut trained = scene.clone();
-    let mut iteration = 0;
-    let mut goes_on = progress(&first, options.iterations).is_continue();
-    while goes_on && iteration < options.iterations {
-        let elapsed = clock.elapsed().as_secs_f64();
-        if options.seconds.is_some_and(|most| elapsed >= most) {
-            break;
+    let mut training = Training::new(scene, views, held_out, options)?;
+    let mut goes_on = progress(&training.best, options.iterations).is_continue();
+    while goes_on && !training.is_over() {
+        if let Some(found) = training.step()? {
+            goes_on = progress(&found, options.iterations).is_continue();
         }
+    }
+    let (best, report) = training.finish()?;
+    *scene = best;
+    Ok(report)
+}
+
+/// A training between two of its steps.
+pub struct Training<'a> {
+    start: &'a Scene,
+    views: &'a [TrainingView],
+    held_out: &'a [TrainingView],
+    options: TrainingOptions,
+    trained: Scene,
+    optimizer: Optimizer,
+    /// Steps so far.
+    iteration: usize,
+    measurements: Vec<Measurement>,
+    best: Measurement,
+    /// The numbers of the best scene; `None` for the start.
+    best_numbers: Option<Vec<Numbers>>,
+    /// Seconds before the clock, of an interrupted run.
+    earlier_seconds: f64,
+    clock: Instant,
+}
+
+impl<'a> Training<'a> {
+    /// A training before its first step, with its start measured.
+    ///
+    /// # Errors
+    /// [`TrainingError`].
+    pub fn new(
+        start: &'a Scene,
+        views: &'a [TrainingView],
+        held_out: &'a [TrainingView],
+        options: &TrainingOptions,
+    ) -> Result<Self, TrainingError> {
+        check_views(views, held_out)?;
+        let clock = Instant::now();
+        let optimizer = Optimizer::new(start);
+        let best = measure(start, held_out, 0, clock.elapsed().as_secs_f64())?;
+        Ok(Self {
+            start,
+            views,
+            held_out,
+            options: *options,
+            trained: start.clone(),
+            optimizer,
+            iteration: 0,
+            measurements: vec![best],
+            best,
+            best_numbers: None,
+            earlier_seconds: 0.0,
+            clock,
+        })
+    }
+
+    /// A training that goes on from a checkpoint, with the start, views and options of the interrupted one.
+    ///
+    /// # Errors
+    /// [`TrainingError`]: also if the checkpoint has another number of Gaussians, or more steps than the options.
+    pub fn resumed(
+        start: &'a Scene,
+        views: &'a [TrainingView],
+        held_out: &'a [TrainingView],
+        options: &TrainingOptions,
+        checkpoint: Checkpoint,
+    ) -> Result<Self, TrainingError> {
+        check_views(views, held_out)?;
+        let Checkpoint { iteration, seconds, measurements, best, best_numbers, state } = checkpoint;
+        if state.iter().chain(&best_numbers).any(|numbers| numbers.len() != start.len()) {
+            return Err(CheckpointError::Start.into());
+        }
+        let step = u32::try_from(iteration).ok().filter(|_| iteration <= options.iterations);
+        let step = step.ok_or(CheckpointError::Damaged("it has more steps than the training"))?;
+        let optimizer = Optimizer::restored(start, step, &state);
+        let mut trained = start.clone();
+        // The first step turns the start's numbers to their normal form.
+        if iteration > 0 {
+            optimizer.write_to(&mut trained);
+        }
+        Ok(Self {
+            start,
+            views,
+            held_out,
+            options: *options,
+            trained,
+            optimizer,
+            iteration,
+            measurements,
+            best,
+            best_numbers,
+            earlier_seconds: seconds,
+            clock: Instant::now(),
+        })
+    }
+
+    /// Whether the steps or the seconds are spent, or the target is reached.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        let options = &self.options;
+        let has_reached = !options.target_psnr_db.is_none_or(|target| self.best.footprint_psnr_db < target);
+        self.iteration >= options.iterations
+            || options.seconds.is_some_and(|most| self.seconds() >= most)
+            // The start alone is no training.
+            || has_reached && self.measurements.len() > 1
+    }
+
+    /// Makes one step. Gives the measurement of the held-out pictures, if it was due.
+    ///
+    /// # Errors
+    /// [`TrainingError`].
+    pub fn step(&mut self) -> Result<Option<Measurement>, TrainingError> {
+        let (options, iteration, elapsed) = (self.options, self.iteration, self.seconds());
         // By the budget that ends first.
         let spent =
             options.seconds.map_or(0.0, |most| elapsed / most).max(iteration as f64 / options.iterations as f64);
-        let at = iteration % views.len();
+        let at = iteration % self.views.len();
         let rates = options.rates.times(FINAL_RATE.powf(spent) as f32);
         let rates = if spent < 1.0 - options.shading_share { rates } else { rates.of_shading() };
         // Each view has all channels in turn.
-        let channel = Channels::One((iteration + iteration / views.len()) % 3);
-        step(&mut trained, &views[at], &mut optimizer, (options.loss, channel), &rates)?;
-        iteration += 1;
-        if iteration % options.measure_every.max(1) == 0 || iteration == options.iterations {
-            let found = measure(&trained, iteration)?;
-            measurements.push(found);
-            if found.footprint_psnr_db > best.footprint_psnr_db {
-                best = found;
-                best_scene.clone_from(&trained);
+        let channel = Channels::One((iteration + iteration / self.views.len()) % 3);
+        step(&mut self.trained, &self.views[at], &mut self.optimizer, (options.loss, channel), &rates)?;
+        self.iteration += 1;
+        let is_due =
+            self.iteration.is_multiple_of(options.measure_every.max(1)) || self.iteration == options.iterations;
+        if is_due { self.measure().map(Some) } else { Ok(None) }
+    }
+
+    /// Ends the training with the best scene so far.
+    ///
+    /// # Errors
+    /// [`TrainingError`].
+    pub fn finish(mut self) -> Result<(Scene, TrainingReport), TrainingError> {
+        let last = self.measurements.last().map_or(0, |last| last.iteration);
+        if self.iteration > last {
+            self.measure()?;
+        }
+        let seconds = self.seconds();
+        let scene = match self.best_numbers {
+            Some(numbers) => {
+                write_numbers(&mut self.trained, numbers.iter());
+                self.trained
             }
-            goes_on = progress(&found, options.iterations).is_continue()
-                && options.target_psnr_db.is_none_or(|target| best.footprint_psnr_db < target);
-        }
+            None => self.start.clone(),
+        };
+        let report = TrainingReport {
+            views: self.views.len(),
+            held_out: self.held_out.len(),
+            iterations: self.iteration,
+            seconds,
+            result: self.best,
+            measurements: self.measurements,
+        };
+        Ok((scene, report))
     }
-    let last = measurements.last().map_or(0, |last| last.iteration);
-    if iteration > last {
-        let found = measure(&trained, iteration)?;
-        measurements.push(found);
-        if found.footprint_psnr_db > best.footprint_psnr_db {
-            best = found;
-            best_scene.clone_from(&trained);
-        }
+
+    /// The newest measurement.
+    #[must_use]
+    pub fn measurement(&self) -> &Measurement {
+        self.measurements.last().unwrap_or(&self.best)
     }
-    *scene = best_scene;
-    Ok(TrainingReport {
-        views: views.len(),
-        held_out: held_out.len(),
-        iterations: iteration,
-        seconds: clock.elapsed().as_secs_f64(),
-        result: best,
-        measurements,
-    })
+
+    /// Writes all that a later run needs to go on.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn write_checkpoint(&self, to: impl Write, origin: &Origin) -> io::Result<()> {
+        let moment = checkpoint::Moment {
+            iteration: self.iteration,
+            seconds: self.seconds(),
+            measurements: &self.measurements,
+            best: &self.best,
+            best_numbers: self.best_numbers.as_deref(),
+            optimizer: &self.optimizer,
+        };
+        checkpoint::write(to, &moment, origin)
+    }
+
+    /// Seconds so far, with those of interrupted runs.
+    fn seconds(&self) -> f64 {
+        self.earlier_seconds + self.clock.elapsed().as_secs_f64()
+    }
+
+    /// Measures the held-out pictures, and keeps the scene if it is the best.
+    fn measure(&mut self) -> Result<Measurement, TrainingError> {
+        let found = measure(&self.trained, self.held_out, self.iteration, self.seconds())?;
+        self.measurements.push(found);
+        if found.footprint_psnr_db > self.best.footprint_psnr_db {
+            self.best = found;
+            self.best_numbers = Some(self.optimizer.numbers().copied().collect());
+        }
+        Ok(found)
+    }
 }
 
 /// One step on one view.

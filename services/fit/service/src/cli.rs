@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 use sg_fit::labels::{label_scores, labels_of};
+use sg_fit::training::checkpoint::Origin;
 use sg_fit::{DirectStart, Options, direct_start, orientation_of};
 use sg_formats::load::{LoadOptions, load};
 use sg_formats::{check_scene_target, staged_file};
@@ -15,21 +16,25 @@ use sg_input::print;
 use sg_input::print::status as print_line;
 use sg_reclassify::sources;
 use sg_scene::model::Scene;
+use sg_scene::orientation::Orientation;
 use sg_volume::suggestion::suggest_base_units;
 use sg_volume::{
-    Limits, ScalarField, ScalarFieldRef, TransferFunction, is_series_path, lacks_spacing, read_dataset,
+    Classifier, Limits, ScalarField, ScalarFieldRef, TransferFunction, is_series_path, lacks_spacing, read_dataset,
     read_spaced_volume,
 };
 
 use crate::arguments::FitArgs;
 use crate::carry::{CarryArgs, carry};
+use crate::checkpoint_file::{CheckpointFile, checkpoint_path};
 use crate::failure::{Failure, input, work};
+use crate::interruption::{End, Further, stopped_line};
 use crate::kept_scenes::{self, KeptScene, KeptScenes};
 use crate::output::{function_file, write, write_scene, write_truth};
 use crate::own_rights::confined;
 use crate::progress::Display;
 use crate::report::{FitReport, MeshReport, note_left_out, suggestion_line, training_line};
-use crate::training_run::Plan;
+use crate::stop_signals::StopSignals;
+use crate::training_run::{Plan, Surroundings, Trained};
 use crate::{phantom, time_series};
 
 const EXAMPLE: &str = "Examples:
@@ -37,7 +42,9 @@ const EXAMPLE: &str = "Examples:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --suggest-units --initial-only --out bonsai
   supergaussian fit flow_0.vti flow_1.vti flow_2.vti --seconds 30 --out flow
-  supergaussian fit flow.pvd --variable pressure --out flow";
+  supergaussian fit flow.pvd --variable pressure --out flow
+
+Ctrl-C ends a training in good order: the best scene so far is written, and a line says how it goes on.";
 
 /// Converts a volume to an editable scene of Gaussians: `DIR/scene.toml` and one PLY file per base unit.
 #[derive(Parser)]
@@ -92,12 +99,15 @@ pub(crate) fn run() -> ExitCode {
         Err(help) => help.exit(),
     };
     let result = match cli.command {
-        Some(Command::Phantom { out, size, seed }) => phantom::make(&out, usize::from(size), seed, cli.json),
-        Some(Command::Carry(args)) => carry(&args),
+        Some(Command::Phantom { out, size, seed }) => {
+            phantom::make(&out, usize::from(size), seed, cli.json).map(|()| End::Whole)
+        }
+        Some(Command::Carry(args)) => carry(&args).map(|()| End::Whole),
         None => fit(&cli.fit, cli.json),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(End::Whole) => ExitCode::SUCCESS,
+        Ok(End::Stopped) => ExitCode::FAILURE,
         Err(failure) => {
             print_line(&format!("error: {}", failure.message));
             ExitCode::from(failure.status)
@@ -105,7 +115,7 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
+fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
     let (Some(path), Some(place)) = (args.volumes.first(), args.out.as_ref().or(args.keep_in.as_ref())) else {
         return Err(input("a volume and --out DIR are required; see --help"));
     };
@@ -120,6 +130,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     }
     let clock = Instant::now();
     let _made = confined(args, place)?;
+    let signals = StopSignals::for_training(!args.initial_only).map_err(work)?;
     let given = args.given_function()?;
     let volume = read_dataset(path, &args.read_options(given.as_ref())).map_err(input)?;
     let read_labels = |labels: &Path| {
@@ -161,7 +172,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
             let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;
             let key = kept_scenes::key(field, orientation, &function, &options).map_err(work)?;
             if let Some(scene) = kept.find(&key) {
-                return report_kept(path, &scene, json);
+                return report_kept(path, &scene, json).map(|()| End::Whole);
             }
             Some((kept, key))
         }
@@ -180,13 +191,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     let trained = if args.initial_only {
         None
     } else {
-        let start = scene.clone();
-        let display = Display::new(args.progress_lines);
-        let views = args.training.views((field, &classifier), args.seed, &display);
-        let report = args.training.train(&mut scene, &views, Plan::default(), &display);
-        let report = report.map_err(|e| work(format!("{}: {e}", path.display())))?;
-        sources::follow_training(&mut scene, &start, &classifier);
-        Some(report)
+        Some(train(args, (path, place), &mut scene, (field, orientation, &function, &classifier), &signals)?)
     };
     let scores = match (&labels, &own_field) {
         (Some(labels), ScalarField::Grid(voxels)) if suggested.is_some() => label_scores(voxels, &classifier, labels),
@@ -234,7 +239,8 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
         suggested: suggested.as_ref().map(|suggested| suggested.units.as_slice()),
         label_scores: scores.as_deref(),
         direct: direct.as_ref(),
-        training: trained.as_ref(),
+        training: trained.as_ref().map(|(trained, _)| &trained.report),
+        stopped: trained.as_ref().is_some_and(|(trained, _)| trained.is_stopped),
     };
     let text = serde_json::to_string_pretty(&report).map_err(work)? + "\n";
     if let Some(file) = &args.report {
@@ -251,11 +257,62 @@ fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
             grouped(scene.len() as u64),
             if units == 1 { "" } else { "s" },
         ));
-        if let Some(trained) = &trained {
-            print_line(&training_line(trained));
+        if let Some((trained, _)) = trained.as_ref().filter(|(trained, _)| !trained.is_stopped) {
+            print_line(&training_line(&trained.report));
         }
     }
-    Ok(())
+    Ok(trained.map_or(End::Whole, |(trained, file)| ended(args, &trained, &file, &scene_file)))
+}
+
+/// Trains a start, from a checkpoint if that is wanted.
+fn train(
+    args: &FitArgs,
+    (path, folder): (&Path, &Path),
+    scene: &mut Scene,
+    (field, orientation, function, classifier): (ScalarFieldRef<'_>, Orientation, &TransferFunction, &Classifier),
+    signals: &StopSignals,
+) -> Result<(Trained, CheckpointFile), Failure> {
+    let start = scene.clone();
+    let sources = kept_scenes::digest(field, orientation, function).map_err(work)?;
+    let origin = Origin::new(sources, args.training.digest(&args.options()), &start);
+    let mut file = CheckpointFile::new(folder, origin, args.training.checkpoint_every);
+    let checkpoint = if args.training.resume {
+        let checkpoint = file.read()?;
+        print_line(&format!("the training goes on after {} steps", grouped(checkpoint.iteration() as u64)));
+        Some(checkpoint)
+    } else {
+        file.note_other();
+        None
+    };
+    let display = Display::new(args.progress_lines);
+    let views = args.training.views((field, classifier), args.seed, &display);
+    let around = Surroundings { display: &display, signals, file: Some(&mut file), checkpoint };
+    let trained = args.training.train(scene, &views, Plan::default(), around);
+    let trained = trained.map_err(|e| work(format!("{}: {e}", path.display())))?;
+    sources::follow_training(scene, &start, classifier);
+    Ok((trained, file))
+}
+
+/// The end of a training whose scene is written: the checkpoint goes, unless a signal has ended the training.
+fn ended(args: &FitArgs, trained: &Trained, file: &CheckpointFile, scene_file: &Path) -> End {
+    if !trained.is_stopped {
+        file.remove();
+        return End::Whole;
+    }
+    let place = |path: &Path| path.canonicalize().ok();
+    let replaces_start =
+        args.start.as_deref().is_some_and(|start| place(start).is_some_and(|start| Some(start) == place(scene_file)));
+    let further = if replaces_start {
+        // The start of the checkpoint is no more.
+        file.remove();
+        Further::Same
+    } else if trained.is_kept {
+        Further::Resume
+    } else {
+        Further::FromScene
+    };
+    print_line(&stopped_line(trained, scene_file, &further));
+    End::Stopped
 }
 
 /// The direct start, with its progress and its notes.
@@ -324,6 +381,7 @@ fn check_outputs(args: &FitArgs) -> Result<(), Failure> {
     // The scene keeps the unchanged transfer function, so its own file may be the input.
     let inputs = args.volumes.iter().map(PathBuf::as_path).chain(args.labels.as_deref()).chain(args.start.as_deref());
     let function = args.out.as_deref().map(|out| function_file(out, args.transfer_function.as_deref()));
-    let outputs = [function.as_deref(), args.out_truth.as_deref(), args.report.as_deref()];
+    let checkpoint = args.out.as_deref().filter(|_| !args.initial_only).map(checkpoint_path);
+    let outputs = [function.as_deref(), args.out_truth.as_deref(), args.report.as_deref(), checkpoint.as_deref()];
     staged_file::check_outputs(outputs.into_iter().flatten(), inputs).map_err(input)
 }

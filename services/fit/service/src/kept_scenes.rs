@@ -121,6 +121,24 @@ pub(crate) fn key<'a>(
     function: &TransferFunction,
     options: &Options,
 ) -> Result<String, serde_json::Error> {
+    Ok(hash(field, orientation, function, options)?.to_hex().chars().take(KEY).collect())
+}
+
+/// The digest of a volume under a transfer function.
+pub(crate) fn digest<'a>(
+    field: impl Into<ScalarFieldRef<'a>>,
+    orientation: Orientation,
+    function: &TransferFunction,
+) -> Result<[u8; 32], serde_json::Error> {
+    Ok(*hash(field, orientation, function, &Options::default())?.as_bytes())
+}
+
+fn hash<'a>(
+    field: impl Into<ScalarFieldRef<'a>>,
+    orientation: Orientation,
+    function: &TransferFunction,
+    options: &Options,
+) -> Result<blake3::Hash, serde_json::Error> {
     let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene of volume 1");
     hasher.update(&REVISION.to_le_bytes());
     let mut add = |bytes: [u8; 8]| {
@@ -162,7 +180,7 @@ pub(crate) fn key<'a>(
         bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         hasher.update(&bytes);
     }
-    Ok(hasher.finalize().to_hex().chars().take(KEY).collect())
+    Ok(hasher.finalize())
 }
 
 #[cfg(test)]

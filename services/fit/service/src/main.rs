@@ -2,14 +2,17 @@
 
 mod arguments;
 mod carry;
+mod checkpoint_file;
 mod cli;
 mod failure;
+mod interruption;
 mod kept_scenes;
 mod output;
 mod own_rights;
 mod phantom;
 mod progress;
 mod report;
+mod stop_signals;
 mod time_series;
 mod training_run;
 

@@ -40,6 +40,9 @@ pub(crate) struct FitReport<'a> {
     pub(crate) direct: Option<&'a Report>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) training: Option<&'a TrainingReport>,
+    /// Whether a signal has ended the training.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) stopped: bool,
 }
 
 /// Counts of a mesh.

@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use serde::Serialize;
 use sg_fit::series::{Series, SeriesError, StartKind, StepStart};
-use sg_fit::training::TrainingReport;
 use sg_fit::{DirectError, orientation_of};
 use sg_formats::{check_scene_target, npy, staged_file};
 use sg_input::number_format::grouped;
@@ -22,11 +21,13 @@ use sg_volume::{
 
 use crate::arguments::FitArgs;
 use crate::failure::{Failure, input, work};
+use crate::interruption::{End, reached};
 use crate::output::{function_file, make_folder, write, write_scene};
 use crate::own_rights::confined;
 use crate::progress::Display;
 use crate::report::note_left_out;
-use crate::training_run::Plan;
+use crate::stop_signals::StopSignals;
+use crate::training_run::{Plan, Surroundings, Trained};
 
 /// The file that names the steps.
 const SERIES_FILE: &str = "series.toml";
@@ -81,9 +82,10 @@ struct StepEntry {
 }
 
 /// Fits all steps of a series.
-pub(crate) fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
+pub(crate) fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
     let out = out_folder(args)?;
     let _made = confined(args, out)?;
+    let signals = StopSignals::for_training(!args.initial_only).map_err(work)?;
     let given = args.given_function()?;
     let steps = steps_of(&args.volumes)?;
     let options = args.read_options(given.as_ref());
@@ -110,14 +112,24 @@ pub(crate) fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     check_outputs(args, out, &steps)?;
     let mut file =
         SeriesFile { schema: SCHEMA, steps: steps.len(), variable: found.variable, values: range, step: Vec::new() };
+    let mut stopped = None;
     for (index, step) in steps.iter().enumerate() {
-        let entry = fit_step(args, out, (index, steps.len()), step, &options, (&mut series, &function, range))?;
+        let of = (index, steps.len());
+        let Fitted { entry, trained } =
+            fit_step(args, (out, &signals), of, step, &options, (&mut series, &function, range))?;
         if !json {
             print_line(&step_line(out, index, &entry));
         }
         file.step.push(entry);
         let text = toml::to_string(&file).map_err(work)?;
         write(&out.join(SERIES_FILE), text.as_bytes())?;
+        let is_cut = trained.as_ref().is_some_and(|trained| trained.is_stopped);
+        if is_cut || signals.is_stopped() && index + 1 < steps.len() {
+            stopped = Some(trained.filter(|_| is_cut));
+            break;
+        }
+        // Between two trainings a signal ends the command at once: all that is finished is written.
+        signals.set_training(false);
     }
     if file.step.iter().all(|entry| entry.gaussians == 0) {
         print_line("note: nothing is visible in any step; the scenes contain no Gaussian");
@@ -131,7 +143,13 @@ pub(crate) fn fit(args: &FitArgs, json: bool) -> Result<(), Failure> {
     } else {
         print_line(&format!("{}: {} steps", out.join(SERIES_FILE).display(), file.step.len()));
     }
-    Ok(())
+    let Some(cut) = stopped else { return Ok(End::Whole) };
+    let after = cut.map_or_else(String::new, |trained| format!(", the last one trained for {}", reached(&trained)));
+    let (made, of) = (file.step.len(), steps.len());
+    print_line(&format!(
+        "stopped: {made} of {of} steps of the series are written{after}; the same command begins it anew"
+    ));
+    Ok(End::Stopped)
 }
 
 /// The folder of the scenes. Options for one volume alone are refused.
@@ -141,6 +159,7 @@ fn out_folder(args: &FitArgs) -> Result<&Path, Failure> {
         ("--keep-in", args.keep_in.is_some()),
         ("--labels", args.labels.is_some()),
         ("--suggest-units", args.suggest_units.is_some()),
+        ("--resume", args.training.resume),
     ];
     if let Some((option, _)) = alone.iter().find(|(_, is_given)| *is_given) {
         let remedy = match *option {
@@ -325,15 +344,21 @@ fn check_series_target(path: &Path) -> Result<(), Failure> {
     Err(input(format!("{}: {what}", path.display())))
 }
 
+/// A step whose folder is written.
+struct Fitted {
+    entry: StepEntry,
+    trained: Option<Trained>,
+}
+
 /// Fits one step and writes its folder.
 fn fit_step(
     args: &FitArgs,
-    out: &Path,
+    (out, signals): (&Path, &StopSignals),
     (index, of): (usize, usize),
     step: &SeriesStep,
     options: &ReadOptions,
     (series, function, range): (&mut Series, &TransferFunction, [f64; 2]),
-) -> Result<StepEntry, Failure> {
+) -> Result<Fitted, Failure> {
     let clock = Instant::now();
     let display = Display::of_part(args.progress_lines, format!("step {} of {of}: ", index + 1));
     let data = read_step(index, step, options)?;
@@ -342,7 +367,7 @@ fn fit_step(
     let orientation = orientation_of(data.frame());
     drop(data);
     let failed = |e: &dyn std::fmt::Display| work(format!("step {index}: {}: {e}", step.path.display()));
-    let (mut start, trained) = started(args, series, own.as_ref(), &display).map_err(|e| match e {
+    let (mut start, trained) = started(args, series, own.as_ref(), (&display, signals)).map_err(|e| match e {
         StepError::Input(e) => of_step(index, &step.path, &e),
         StepError::Work(e) => failed(&e),
     })?;
@@ -355,7 +380,8 @@ fn fit_step(
     let gaussians = start.scene.len();
     series.finish(start.scene, own);
     let name = PathBuf::from(folder_name(index));
-    Ok(StepEntry {
+    let report = trained.as_ref().map(|trained| &trained.report);
+    let entry = StepEntry {
         scene: name.join("scene.toml"),
         previous: name.join(PREVIOUS_FILE),
         source: step.path.clone(),
@@ -367,10 +393,11 @@ fn fit_step(
         placed: start.placed,
         direct_start_psnr_db: start.decibels.map(|both| both[0]),
         warm_start_psnr_db: start.decibels.map(|both| both[1]),
-        psnr_db: trained.as_ref().map(|trained| trained.result.footprint_psnr_db),
-        training_seconds: trained.map_or(0.0, |trained| trained.seconds),
+        psnr_db: report.map(|report| report.result.footprint_psnr_db),
+        training_seconds: report.map_or(0.0, |report| report.seconds),
         seconds: clock.elapsed().as_secs_f64(),
-    })
+    };
+    Ok(Fitted { entry, trained })
 }
 
 /// A step that could not be fitted.
@@ -386,8 +413,8 @@ fn started(
     args: &FitArgs,
     series: &Series,
     field: ScalarFieldRef<'_>,
-    display: &Display,
-) -> Result<(StepStart, Option<TrainingReport>), StepError> {
+    (display, signals): (&Display, &StopSignals),
+) -> Result<(StepStart, Option<Trained>), StepError> {
     if let Some(start) = series.unchanged(field) {
         return Ok((start, None));
     }
@@ -401,9 +428,10 @@ fn started(
     let mut start = series.start(direct, field, &views.training).map_err(failed)?;
     let plan = if start.kind == StartKind::Warm { WARM } else { Plan::default() };
     let before: Scene = start.scene.clone();
-    let report = args.training.train(&mut start.scene, &views, plan, display).map_err(|e| failed(e.into()))?;
+    let around = Surroundings { display, signals, file: None, checkpoint: None };
+    let trained = args.training.train(&mut start.scene, &views, plan, around).map_err(|e| failed(e.into()))?;
     sources::follow_training(&mut start.scene, &before, series.classifier());
-    Ok((start, Some(report)))
+    Ok((start, Some(trained)))
 }
 
 /// A finished step, for a person.

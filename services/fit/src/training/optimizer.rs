@@ -5,8 +5,10 @@ use rayon::prelude::*;
 use sg_raster::gradient::{GaussianGradient, Gradients};
 use sg_scene::model::{Scene, ShadingColumns};
 
-/// Numbers of one Gaussian: position, log scale, rotation, opacity, offset colour, normal, ka, kd, ks, ln β.
-const NUMBERS: usize = 21;
+/// How many numbers one Gaussian has: position, log scale, rotation, opacity, offset colour, normal, ka, kd, ks, ln β.
+pub(super) const NUMBERS: usize = 21;
+/// The numbers of one Gaussian.
+pub(super) type Numbers = [f32; NUMBERS];
 /// Decay of the mean and of the mean square.
 const DECAYS: [f32; 2] = [0.9, 0.999];
 /// Least root of the mean square, as 3DGS.
@@ -87,9 +89,9 @@ pub(super) struct Optimizer {
 
 #[derive(Clone, Copy)]
 struct Row {
-    numbers: [f32; NUMBERS],
-    mean: [f32; NUMBERS],
-    square: [f32; NUMBERS],
+    numbers: Numbers,
+    mean: Numbers,
+    square: Numbers,
     /// Mean standard deviation at the start.
     size: f32,
     has_normal: bool,
@@ -147,24 +149,57 @@ impl Optimizer {
         self.rows.par_iter_mut().zip(&gradients.gaussians).with_min_len(512).for_each(|(row, gradient)| {
             row.step(gradient, rates, corrections);
         });
-        for unit in &mut scene.units {
-            let rows = self.rows.get(unit.range()).unwrap_or_default();
-            let gaussians = &mut unit.gaussians;
-            for (i, row) in rows.iter().enumerate() {
-                let [px, py, pz, sx, sy, sz, qw, qx, qy, qz, opacity, ..] = row.numbers;
-                gaussians.position[i] = Vec3::new(px, py, pz);
-                gaussians.log_scale[i] = Vec3::new(sx, sy, sz);
-                gaussians.rotation[i] = [qw, qx, qy, qz];
-                gaussians.opacity_logit[i] = opacity;
-                let Some(shading) = &mut gaussians.shading else { continue };
-                let [.., r, g, b, nx, ny, nz, ambient, diffuse, specular, log_shininess] = row.numbers;
-                shading.offset_color[i] = Vec3::new(r, g, b);
-                shading.normal[i] = Vec3::new(nx, ny, nz);
-                shading.ambient[i] = ambient;
-                shading.diffuse[i] = diffuse;
-                shading.specular[i] = specular;
-                shading.shininess[i] = log_shininess.exp();
-            }
+        self.write_to(scene);
+    }
+
+    /// Writes the numbers to the scene.
+    pub(super) fn write_to(&self, scene: &mut Scene) {
+        write_numbers(scene, self.numbers());
+    }
+
+    /// The numbers of all Gaussians.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &Numbers> {
+        self.rows.iter().map(|row| &row.numbers)
+    }
+
+    /// The means of all Gaussians.
+    pub(super) fn means(&self) -> impl Iterator<Item = &Numbers> {
+        self.rows.iter().map(|row| &row.mean)
+    }
+
+    /// The mean squares of all Gaussians.
+    pub(super) fn squares(&self) -> impl Iterator<Item = &Numbers> {
+        self.rows.iter().map(|row| &row.square)
+    }
+
+    /// The optimizer of a start as it was after a step: numbers, means and mean squares, each in scene order.
+    pub(super) fn restored(scene: &Scene, step: u32, [numbers, means, squares]: &[Vec<Numbers>; 3]) -> Self {
+        let mut optimizer = Self { step, ..Self::new(scene) };
+        for (row, ((numbers, mean), square)) in optimizer.rows.iter_mut().zip(numbers.iter().zip(means).zip(squares)) {
+            (row.numbers, row.mean, row.square) = (*numbers, *mean, *square);
+        }
+        optimizer
+    }
+}
+
+/// Writes numbers in scene order to a scene.
+pub(super) fn write_numbers<'a>(scene: &mut Scene, mut numbers: impl Iterator<Item = &'a Numbers>) {
+    for unit in &mut scene.units {
+        let gaussians = &mut unit.gaussians;
+        for (i, numbers) in (0..gaussians.len()).zip(numbers.by_ref()) {
+            let [px, py, pz, sx, sy, sz, qw, qx, qy, qz, opacity, ..] = *numbers;
+            gaussians.position[i] = Vec3::new(px, py, pz);
+            gaussians.log_scale[i] = Vec3::new(sx, sy, sz);
+            gaussians.rotation[i] = [qw, qx, qy, qz];
+            gaussians.opacity_logit[i] = opacity;
+            let Some(shading) = &mut gaussians.shading else { continue };
+            let [.., r, g, b, nx, ny, nz, ambient, diffuse, specular, log_shininess] = *numbers;
+            shading.offset_color[i] = Vec3::new(r, g, b);
+            shading.normal[i] = Vec3::new(nx, ny, nz);
+            shading.ambient[i] = ambient;
+            shading.diffuse[i] = diffuse;
+            shading.specular[i] = specular;
+            shading.shininess[i] = log_shininess.exp();
         }
     }
 }

@@ -68,7 +68,7 @@ impl Write for StagedFile {
 }
 
 /// First bytes of the files that this project writes under an ending. Files of other endings have no fixed first bytes.
-const SIGNATURES: [(&str, &[&[u8]]); 9] = [
+const SIGNATURES: [(&str, &[&[u8]]); 10] = [
     ("png", &[b"\x89PNG"]),
     ("npy", &[b"\x93NUMPY"]),
     ("ply", &[b"ply"]),
@@ -78,6 +78,7 @@ const SIGNATURES: [(&str, &[&[u8]]); 9] = [
     ("gz", &[b"\x1f\x8b"]),
     ("zst", &[b"\x28\xb5\x2f\xfd"]),
     ("zip", &[b"PK"]),
+    ("checkpoint", &[b"SGFITC"]),
 ];
 
 /// Checks that a file may be replaced by an output: it does not exist, is empty, or begins as files of its ending do.
