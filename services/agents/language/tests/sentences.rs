@@ -2,7 +2,7 @@
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
-use sg_sentence_model::{Examples, Model, Slot};
+use sg_sentence_model::{Examples, Model, Slot, Spoken};
 
 fn files() -> Vec<(String, String)> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/sentences");
@@ -40,7 +40,7 @@ const LEAST: [f32; 5] = [0.3, 0.45, 0.6, 0.7, 0.8];
 
 fn score(model: &Model, held: &Examples) -> Score {
     let mut score = Score::default();
-    for (text, command, slots) in held.filled_texts(&mut ChaCha8Rng::seed_from_u64(2)) {
+    for Spoken { text, command, slots } in held.spoken(&mut ChaCha8Rng::seed_from_u64(2)) {
         let names =
             ["vessels", "bone", "tissue", "sac", "clip", "halo", "disk", "leaf", "trunk", "hull", "rotor", "root"];
         let reading = model.read(&text, names).unwrap();

@@ -153,6 +153,35 @@ pub(crate) struct Filled {
     pub(crate) slots: Vec<Option<Slot>>,
 }
 
+/// A sentence as somebody may say it, and what it means.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Spoken {
+    /// The sentence in lower case.
+    pub text: String,
+    /// Position of the command that it means.
+    pub command: usize,
+    /// Slots with their words, in the order of the sentence.
+    pub slots: Vec<(Slot, String)>,
+}
+
+impl Spoken {
+    fn of(filled: &Filled) -> Self {
+        let mut slots: Vec<(Slot, Vec<&str>)> = Vec::new();
+        let mut before = None;
+        for (word, slot) in filled.words.iter().zip(&filled.slots) {
+            match (slot, slots.last_mut()) {
+                (Some(slot), Some((_, said))) if before == Some(*slot) => said.push(&word.text),
+                (Some(slot), _) => slots.push((*slot, vec![&word.text])),
+                (None, _) => {}
+            }
+            before = *slot;
+        }
+        let said: Vec<&str> = filled.words.iter().map(|word| word.text.as_str()).collect();
+        let slots = slots.into_iter().map(|(slot, said)| (slot, said.join(" "))).collect();
+        Self { text: said.join(" "), command: filled.command, slots }
+    }
+}
+
 impl Examples {
     /// Reads files of examples: their names and texts, one author each.
     ///
@@ -237,23 +266,9 @@ impl Examples {
         (part(&|by| by != author), part(&|by| by == author))
     }
 
-    /// Each sentence once, with values in its slots: the text, its command, and the texts of its slots.
-    pub fn filled_texts(&self, random: &mut ChaCha8Rng) -> Vec<(String, usize, Vec<(Slot, String)>)> {
-        let text_of = |filled: Filled| {
-            let mut slots: Vec<(Slot, Vec<&str>)> = Vec::new();
-            for (at, (word, slot)) in filled.words.iter().zip(&filled.slots).enumerate() {
-                let Some(slot) = slot else { continue };
-                let goes_on = at > 0 && filled.slots[at - 1] == Some(*slot);
-                match slots.last_mut().filter(|_| goes_on) {
-                    Some((_, said)) => said.push(&word.text),
-                    None => slots.push((*slot, vec![&word.text])),
-                }
-            }
-            let slots = slots.into_iter().map(|(slot, said)| (slot, said.join(" "))).collect();
-            let said: Vec<&str> = filled.words.iter().map(|word| word.text.as_str()).collect();
-            (said.join(" "), filled.command, slots)
-        };
-        (0..self.templates.len()).map(|template| text_of(self.fill(template, random))).collect()
+    /// Each sentence once, with values in its slots.
+    pub fn spoken(&self, random: &mut ChaCha8Rng) -> Vec<Spoken> {
+        (0..self.templates.len()).map(|template| Spoken::of(&self.fill(template, random))).collect()
     }
 
     /// Names of the scenes in which the sentences are said.
@@ -344,10 +359,10 @@ mod tests {
             "make {thing} {color}\tdip {thing:the old sac} in {color}\nOUT\tbook me a {color} flight\n# colors\nteal\n";
         let examples = Examples::parse([("one", text)]).unwrap();
         assert_eq!(examples.commands(), ["make {thing} {color}", "OUT"]);
-        let filled = examples.filled_texts(&mut ChaCha8Rng::seed_from_u64(1));
+        let spoken = examples.spoken(&mut ChaCha8Rng::seed_from_u64(1));
         let slots = vec![(Slot::Thing, "the old sac".to_owned()), (Slot::Color, "teal".to_owned())];
-        assert_eq!(filled[0], ("dip the old sac in teal".to_owned(), 0, slots));
-        assert_eq!(filled[1].0, "book me a teal flight");
+        assert_eq!(spoken[0], Spoken { text: "dip the old sac in teal".to_owned(), command: 0, slots });
+        assert_eq!(spoken[1].text, "book me a teal flight");
     }
 
     #[test]

@@ -24,5 +24,5 @@ mod table;
 mod words;
 
 pub use encoding::ModelError;
-pub use examples::{ExampleError, Examples, Slot};
+pub use examples::{ExampleError, Examples, Slot, Spoken};
 pub use model::{Model, Reading};

@@ -81,7 +81,7 @@ fn split(text: &str) -> impl Iterator<Item = Range<usize>> {
         if is_apostrophe(first) && text[end..].starts_with(['s', 'S']) && !text[end + 1..].starts_with(is_inside) {
             end += 1;
         } else if is_inside(first) {
-            while let Some((at, c)) = letters.next() {
+            for (at, c) in letters {
                 // A contraction is one word, a possessive is not, and a decimal point belongs to its number.
                 let behind = text[at + c.len_utf8()..].chars().take_while(|c| is_inside(*c)).collect::<String>();
                 let contracts = is_apostrophe(c) && !behind.is_empty() && !behind.eq_ignore_ascii_case("s");

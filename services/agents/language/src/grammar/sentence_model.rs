@@ -75,7 +75,18 @@ const PRONOUNS: [&str; 7] = ["it", "them", "this", "that", "these", "those", "it
 
 /// Words that begin an exception, and words that end one.
 const EXCEPTIONS: [&str; 12] = [
-    "except", "excepted", "excluding", "without", "apart", "save", "besides", "bar", "minus", "isn't", "aren't", "not",
+    "except",
+    "excepted",
+    "excluding",
+    "without",
+    "apart",
+    "save",
+    "besides",
+    "bar",
+    "minus",
+    "isn't",
+    "aren't",
+    "not",
 ];
 
 /// Words around an amount that change little.
@@ -341,7 +352,14 @@ mod tests {
                 let at = text.find(value).unwrap();
                 (*slot, at..at + value.len())
             });
-            let reading = Reading { command, probability: 1.0, slots: places.collect(), numbers_left: 0, colors_left: 0, names_left: 0 };
+            let reading = Reading {
+                command,
+                probability: 1.0,
+                slots: places.collect(),
+                numbers_left: 0,
+                colors_left: 0,
+                names_left: 0,
+            };
             let form = form(&reader, &text, &reading).unwrap_or_else(|| panic!("“{command}” has no form"));
             let sentence = certain(&reader, &form);
             assert!(sentence.is_some(), "“{command}” as “{form}” is not understood");
