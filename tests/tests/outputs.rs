@@ -184,6 +184,9 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", "short.raw", "--initial-only", "--keep-in", "new"],
                 &["fit", VOLUME, "--initial-only", "--out", "new", "--spacing", "0,1,1"],
                 &["fit", "picture.png", "--initial-only", "--out", "new", "--spacing", "1,1,1"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--labels", "short.raw", "--label-units"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--label-units", "--rest-unit"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--label-units", "--label-names", "picture.png"],
             ],
         ),
         (

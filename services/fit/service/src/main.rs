@@ -5,6 +5,7 @@ mod carry;
 mod cli;
 mod failure;
 mod kept_scenes;
+mod label_units;
 mod output;
 mod own_rights;
 mod phantom;

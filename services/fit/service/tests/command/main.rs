@@ -1,6 +1,7 @@
 //! The command on the synthetic volume: files, reports, exit statuses and one-line errors.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
+mod label_units;
 mod meshes;
 mod refusals;
 mod series;
