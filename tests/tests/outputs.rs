@@ -189,6 +189,9 @@ fn refused_runs() -> BTreeMap<&'static str, Vec<&'static [&'static str]>> {
                 &["fit", VOLUME, "--out", "trained"],
                 &["fit", VOLUME, "--out", "trained", "--resume"],
                 &["fit", VOLUME, "--out", "new", "--gaussians", "50", "--resume"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--labels", "short.raw", "--label-units"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--label-units", "--rest-unit"],
+                &["fit", VOLUME, "--initial-only", "--out", "new", "--label-units", "--label-names", "picture.png"],
             ],
         ),
         (

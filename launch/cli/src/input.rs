@@ -124,7 +124,7 @@ impl Input {
         let folder =
             folder.ok_or_else(|| Failure::Work("`supergaussian scene` names no folder of scenes".to_owned()))?;
         // A person's own transfer function goes before a shipped one.
-        let function = function.filter(|_| options.transfer_function.is_none());
+        let function = function.filter(|_| options.transfer_function.is_none() && !options.stands_alone());
         let fit = Fit::of(volume, FitTo::Kept(Path::new(folder)), function, (GAUSSIANS, 0));
         let watch = |news: Option<&str>| {
             if let Some((share, step)) = news.and_then(step) {
@@ -171,18 +171,40 @@ pub(crate) struct VolumeOptions {
     /// Importance of values that the transfer function hides, 0 to 1: other transfer functions can show them then
     #[arg(long, value_name = "S")]
     hidden: Option<String>,
+    /// Make each label a unit: of --labels, or of the volume itself as a label map
+    #[arg(long)]
+    label_units: bool,
+    /// Label map on the grid of the volume, for --label-units
+    #[arg(long, value_name = "LABELVOLUME", requires = "label_units")]
+    labels: Option<PathBuf>,
+    /// Names and colours of the labels: a label description file of ITK-SNAP
+    #[arg(long, value_name = "NAMES.txt", requires = "label_units")]
+    label_names: Option<PathBuf>,
+    /// Make the voxels without a label the unit `rest`
+    #[arg(long, requires = "labels")]
+    rest_unit: bool,
 }
 
 impl VolumeOptions {
-    /// The given ones, with their names.
-    fn given(&self) -> Vec<(&'static str, &OsStr)> {
-        let all = [
+    /// Whether the volume is a label map, to which no transfer function belongs.
+    fn stands_alone(&self) -> bool {
+        self.label_units && self.labels.is_none()
+    }
+
+    /// The given ones: names, and values except for flags.
+    fn given(&self) -> Vec<(&'static str, Option<&OsStr>)> {
+        let values = [
             ("--spacing", self.spacing.as_deref().map(OsStr::new)),
             ("--variable", self.variable.as_deref().map(OsStr::new)),
             ("--transfer-function", self.transfer_function.as_deref().map(Path::as_os_str)),
             ("--hidden", self.hidden.as_deref().map(OsStr::new)),
+            ("--labels", self.labels.as_deref().map(Path::as_os_str)),
+            ("--label-names", self.label_names.as_deref().map(Path::as_os_str)),
         ];
-        all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+        let flags = [("--label-units", self.label_units), ("--rest-unit", self.rest_unit)];
+        let values = values.into_iter().filter_map(|(name, value)| Some((name, Some(value?))));
+        let flags = flags.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| (name, None));
+        values.chain(flags).collect()
     }
 }
 
@@ -275,7 +297,8 @@ impl<'a> Fit<'a> {
         let mut arguments = self.arguments();
         arguments.push("--progress-lines".as_ref());
         for (option, value) in options.given() {
-            arguments.extend([OsStr::new(option), value]);
+            arguments.push(OsStr::new(option));
+            arguments.extend(value);
         }
         self.announced();
         json_watched("fit", &arguments, watch)?.map(|report| self.scene(&report)).transpose()

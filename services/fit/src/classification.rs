@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use sg_volume::opacity::extinction;
 use sg_volume::{Classifier, Field};
 
-/// Largest number of base units of a transfer function.
+use crate::label_units::{LEFT_OUT, LabelUnits};
+
+/// Largest number of base units.
 pub(crate) const MAX_UNITS: usize = 255;
 
 /// Extinction and base unit of every voxel.
@@ -61,12 +63,18 @@ pub(crate) struct Crop {
 }
 
 impl<'a> Classification<'a> {
-    /// Classifies every voxel. The classifier must have at most [`MAX_UNITS`] base units.
-    pub(crate) fn new(field: &'a Field, classifier: &'a Classifier, emphasis: Option<Vec<f32>>) -> Self {
+    /// Classifies every voxel. The classifier must have at most [`MAX_UNITS`] base units. With `labels`, which must be of the same
+    /// grid, voxels belong to the base units of their labels, whatever their values are.
+    pub(crate) fn new(
+        field: &'a Field,
+        classifier: &'a Classifier,
+        emphasis: Option<Vec<f32>>,
+        labels: Option<&LabelUnits>,
+    ) -> Self {
         let grid = field.grid();
         let reference = grid.reference_length();
         let [nx, ny, _] = grid.dims();
-        let units = classifier.unit_count();
+        let units = labels.map_or(classifier.unit_count(), |labels| labels.units().len());
         let mut extinctions = vec![0.0_f32; grid.len()];
         let mut unit_of = vec![0_u8; grid.len()];
         let statistics = extinctions
@@ -85,7 +93,15 @@ impl<'a> Classification<'a> {
                         let of = classifier.unit(raw);
                         last = (value, extinction(classifier.opacity(raw), reference), of.unit, of.inside);
                     }
-                    let (_, sigma, unit, inside) = last;
+                    let (_, sigma, mut unit, mut inside) = last;
+                    if let Some(labels) = labels {
+                        let own = labels.of_voxels()[row * nx + x];
+                        if own == LEFT_OUT {
+                            unit_of[x] = LEFT_OUT;
+                            continue;
+                        }
+                        (unit, inside) = (usize::from(own), true);
+                    }
                     unit_of[x] = unit as u8;
                     extinctions[x] = sigma;
                     let is_visible = sigma > 0.0;

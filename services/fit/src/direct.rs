@@ -28,6 +28,7 @@ use sg_volume::dvr::Material;
 use sg_volume::{Bounds, ScalarFieldRef, TransferFunction};
 
 use crate::classification::MAX_UNITS;
+use crate::label_units::LabelUnits;
 use crate::options::{DirectError, MAX_GAUSSIANS, Options};
 use crate::placed::PlacedUnit;
 use crate::report::{DirectStart, Report, Seconds, UnitReport};
@@ -62,7 +63,17 @@ pub fn direct_start<'a>(
     options: &Options,
     mut progress: impl FnMut(Progress),
 ) -> Result<DirectStart, DirectError> {
-    let field = field.into();
+    start_of(field.into(), function, None, options, &mut progress)
+}
+
+/// A direct start with the base units of the transfer function, or with those of a label map of the same grid.
+pub(crate) fn start_of(
+    field: ScalarFieldRef<'_>,
+    function: &TransferFunction,
+    labels: Option<&LabelUnits>,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<DirectStart, DirectError> {
     let total_clock = Instant::now();
     if options.gaussians == 0 || options.gaussians > MAX_GAUSSIANS {
         return Err(DirectError::Budget(options.gaussians));
@@ -77,7 +88,7 @@ pub fn direct_start<'a>(
         return Err(DirectError::Hidden(options.hidden));
     }
     let classifier = function.classifier(field.range())?;
-    let count = classifier.unit_count();
+    let count = labels.map_or(classifier.unit_count(), |labels| labels.units().len());
     if count > MAX_UNITS {
         return Err(DirectError::TooManyUnits(count));
     }
@@ -88,7 +99,7 @@ pub fn direct_start<'a>(
         done += 1;
     };
     let placed = match field {
-        ScalarFieldRef::Grid(field) => voxels::place_gaussians(field, &classifier, options, &mut stage)?,
+        ScalarFieldRef::Grid(field) => voxels::place_gaussians(field, &classifier, labels, options, &mut stage)?,
         ScalarFieldRef::Mesh(field) => mesh::place_gaussians(field, &classifier, options, &mut stage)?,
     };
     let importance: f64 = placed.units.iter().map(|unit| unit.importance).sum();
@@ -97,9 +108,15 @@ pub fn direct_start<'a>(
     let mut units = Vec::with_capacity(count);
     let mut reports: Vec<UnitReport> = Vec::with_capacity(count);
     for (unit, PlacedUnit { splats, importance: own, visible }) in placed.units.iter().enumerate() {
-        let name = unit_name(function, unit);
-        let palette = mean_color(splats);
-        reports.push(UnitReport::new(&name, splats, placed.edge, own / importance, *visible, palette));
+        let label = labels.and_then(|labels| labels.units().get(unit));
+        // A label of which nothing is visible needs no base unit.
+        if label.is_some() && splats.is_empty() {
+            continue;
+        }
+        let name = label.map_or_else(|| unit_name(function, unit), |label| label.name.clone());
+        let palette = label.and_then(|label| label.color).unwrap_or_else(|| mean_color(splats));
+        let report = UnitReport::new(&name, splats, placed.edge, own / importance, *visible, palette);
+        reports.push(UnitReport { label: label.map(|label| label.label), ..report });
         units.push(BaseUnit { values: Some([range.low, range.high]), ..base_unit(name, splats, palette, shift) });
     }
     let bounds = field.bounds();

@@ -7,6 +7,8 @@ use serde::Serialize;
 use sg_scene::model::Scene;
 use sg_volume::{Bounds, Classifier, Field, Volume};
 
+use crate::classification::MAX_UNITS;
+
 /// The label volume does not fit the scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LabelError {
@@ -29,6 +31,25 @@ pub enum LabelError {
         /// Its value.
         value: f64,
     },
+    /// The label map has another grid than the volume.
+    #[error("the label map has {labels}, and the volume has {volume}: give labels on the grid of the volume")]
+    GridMismatch {
+        /// The grid of the labels, in words.
+        labels: String,
+        /// The grid of the volume, in words.
+        volume: String,
+    },
+    /// More labels than a scene can have base units.
+    #[error(
+        "the label map has {found} labels; at most {MAX_UNITS} base units are possible, the rest included; join some labels"
+    )]
+    TooMany {
+        /// The number of labels.
+        found: String,
+    },
+    /// Every voxel is 0.
+    #[error("no voxel has a label: all are 0; give a label map")]
+    NoLabel,
 }
 
 /// The label of the nearest voxel to each Gaussian's centre, in scene order. The label volume must fill the scene's box to
@@ -47,11 +68,16 @@ pub fn labels_of(scene: &Scene, labels: &Volume) -> Result<Vec<i32>, LabelError>
     (0..scene.len())
         .map(|i| {
             let voxel = grid.nearest(scene.position(i).unwrap_or(wanted.min));
-            let value = labels.scalars().get(voxel).unwrap_or(f64::NAN);
-            let whole = value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
-            if whole { Ok(value as i32) } else { Err(LabelError::NotInteger { voxel, value }) }
+            label_at(labels, voxel)
         })
         .collect()
+}
+
+/// The label of a voxel.
+pub(crate) fn label_at(labels: &Volume, voxel: usize) -> Result<i32, LabelError> {
+    let value = labels.scalars().get(voxel).unwrap_or(f64::NAN);
+    let whole = value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
+    if whole { Ok(value as i32) } else { Err(LabelError::NotInteger { voxel, value }) }
 }
 
 /// The base unit that is most like a label.

@@ -2,7 +2,8 @@
 //!
 //! [`direct_start`] classifies the voxels by a transfer function. It computes their importance and places Gaussians by it. Each
 //! Gaussian gets the shape, opacity and colour of its part of the volume. [`labels`] transfers voxel labels to the Gaussians.
-//! [`series`] does so for the time steps of a series, each from the one before.
+//! [`series`] does so for the time steps of a series, each from the one before. [`label_units`] makes base units of the labels
+//! of a label map.
 //!
 //! ```
 //! use sg_fit::{Options, direct_start};
@@ -21,6 +22,7 @@
 mod classification;
 pub mod direct;
 mod importance;
+pub mod label_units;
 pub mod labels;
 mod mesh;
 mod options;

@@ -107,6 +107,7 @@ pub(crate) fn place_gaussians(
                 surfaceness: &surfaceness,
                 flattening: options.flattening,
                 keeps_hidden: options.hidden > 0.0,
+                color: None,
             };
             splats = builder.splats(&cells);
             seconds.shape += clock.elapsed().as_secs_f64();

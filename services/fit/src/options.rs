@@ -4,6 +4,7 @@ use sg_volume::ScalarFieldRef;
 use sg_volume::transfer::Problem;
 
 use crate::classification::MAX_UNITS;
+use crate::labels::LabelError;
 use crate::placement::PlacementError;
 
 /// Largest allowed number of Gaussians.
@@ -66,6 +67,15 @@ pub enum DirectError {
         /// Voxels that are NaN or infinite.
         non_finite: usize,
     },
+    /// The label map does not fit the volume.
+    #[error("{0}")]
+    Labels(#[from] LabelError),
+    /// No voxel with a label is visible.
+    #[error(
+        "nothing of the labels is visible: all {0} voxels with a base unit have opacity 0 under the transfer function; raise \
+         opacities for their values, or give the label map alone"
+    )]
+    LabelsHidden(u64),
     /// The number of Gaussians is 0 or too large.
     #[error("{0} Gaussians; give a number from 1 to {MAX_GAUSSIANS}")]
     Budget(usize),

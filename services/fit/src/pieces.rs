@@ -23,6 +23,11 @@ pub(crate) trait Pieces: Sync {
     /// Raw value and gradient (raw units per world length) of a piece.
     fn value_and_gradient(&self, piece: &Piece) -> (f64, Vec3);
 
+    /// Whether a place, in the coordinates of the data, can have a Gaussian of these data.
+    fn holds(&self, _place: DVec3) -> bool {
+        true
+    }
+
     /// Covariance of a piece around its middle, in the coordinates of the data.
     fn extent(&self, piece: &Piece) -> DMat3;
 

@@ -12,6 +12,7 @@ use sg_volume::opacity::extinction;
 
 use crate::classification::Classification;
 use crate::importance::{Candidate, Candidates};
+use crate::label_units::LabelPart;
 use crate::pieces::{Piece, Pieces};
 
 /// Least number of sample points for each Gaussian.
@@ -113,6 +114,8 @@ pub(crate) struct VoxelPieces<'a> {
     pub(crate) field: &'a Field,
     /// The smoothed field for gradients.
     pub(crate) smooth: &'a Field,
+    /// The label of these voxels, where base units are labels.
+    pub(crate) label: Option<LabelPart<'a>>,
 }
 
 impl Pieces for VoxelPieces<'_> {
@@ -135,13 +138,18 @@ impl Pieces for VoxelPieces<'_> {
 
     fn value_and_gradient(&self, piece: &Piece) -> (f64, Vec3) {
         let v = piece.place;
-        match self.points.kind {
+        let (raw, gradient) = match self.points.kind {
             Kind::Groups { .. } => {
                 let (x, y, z) = (v.x as usize, v.y as usize, v.z as usize);
                 (self.field.raw(self.field.grid().index(x, y, z)), self.smooth.gradient_at(x, y, z))
             }
             Kind::Parts { .. } => (self.field.sample(v).unwrap_or(f64::NAN), self.smooth.gradient(v)),
-        }
+        };
+        (raw, self.label.as_ref().map_or(gradient, |label| label.gradient(v, gradient)))
+    }
+
+    fn holds(&self, place: DVec3) -> bool {
+        self.label.as_ref().is_none_or(|label| label.holds(self.field.grid(), place))
     }
 
     fn extent(&self, _piece: &Piece) -> DMat3 {

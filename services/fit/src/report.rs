@@ -46,6 +46,9 @@ pub struct Report {
 pub struct UnitReport {
     /// Its name.
     pub name: String,
+    /// Its label, if the base units are labels; 0 for the voxels without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<i32>,
     /// Gaussians made.
     pub gaussians: usize,
     /// Those that the transfer function hides.
@@ -104,6 +107,7 @@ impl UnitReport {
         let captured: f64 = splats.iter().map(|s| s.captured * s.weight).sum();
         Self {
             name: name.to_owned(),
+            label: None,
             gaussians: splats.len(),
             hidden: splats.len() - visible.len(),
             visible_voxels,

@@ -56,6 +56,8 @@ pub(crate) struct GaussianBuilder<'a, P> {
     pub(crate) flattening: f64,
     /// Whether cells without visible opacity become Gaussians too.
     pub(crate) keeps_hidden: bool,
+    /// One colour for all of them, in place of those of the transfer function.
+    pub(crate) color: Option<Vec3>,
 }
 
 /// Sums over the pieces of a cell.
@@ -98,6 +100,7 @@ impl<P: Pieces> GaussianBuilder<'_, P> {
             self.pieces.for_each(point, |piece| {
                 let (raw, gradient) = self.pieces.value_and_gradient(&piece);
                 let (color, opacity) = self.classifier.evaluate(raw);
+                let color = self.color.unwrap_or(color);
                 let w = f64::from(piece.weight);
                 sums.weight += w;
                 sums.integrated_extinction += f64::from(extinction(opacity, reference)) * piece.share * unit_volume;
@@ -135,7 +138,7 @@ impl<P: Pieces> GaussianBuilder<'_, P> {
         let rotation = DQuat::from_mat3(&oriented(axes, normal));
         let captured = self.captured(members, mean, to_world, rotation, scale) / sums.weight;
         Some(Splat {
-            position: to_world.transform_point3(mean),
+            position: to_world.transform_point3(self.held_place(members, mean)),
             scale,
             rotation,
             opacity,
@@ -153,6 +156,23 @@ impl<P: Pieces> GaussianBuilder<'_, P> {
                 depth: sums.volume * unit_volume / reference * depth_factor / (TAU * scale.x * scale.y),
             },
         })
+    }
+
+    /// A place for the Gaussian of a cell with this centroid: the centroid, or the nearest piece if other data lie there.
+    fn held_place(&self, members: &[u32], mean: DVec3) -> DVec3 {
+        if self.pieces.holds(mean) {
+            return mean;
+        }
+        let mut best = (f64::INFINITY, mean);
+        for &point in members {
+            self.pieces.for_each(point, |piece| {
+                let distance = piece.place.distance_squared(mean);
+                if distance < best.0 {
+                    best = (distance, piece.place);
+                }
+            });
+        }
+        best.1
     }
 
     /// Covariance of a cell's importance in world space, with the extent of its pieces.

@@ -239,7 +239,7 @@ fn otsu_borders(weights: &[f64], classes: usize) -> Vec<usize> {
 }
 
 /// Colours from the Okabe–Ito set: orange, sky blue, reddish purple, bluish green, yellow, vermilion, blue.
-const COLORS: [[f32; 3]; 7] = [
+pub(crate) const COLORS: [[f32; 3]; 7] = [
     [0.902, 0.624, 0.0],
     [0.337, 0.706, 0.914],
     [0.8, 0.475, 0.655],

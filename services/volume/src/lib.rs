@@ -33,6 +33,7 @@ pub mod dvr;
 pub mod field;
 pub mod grid;
 pub mod histogram;
+pub mod label_table;
 pub mod mesh;
 pub mod opacity;
 pub mod phantom;
@@ -53,6 +54,7 @@ pub use dataset::{Dataset, Marcher, ScalarField, ScalarFieldRef};
 pub use field::Field;
 pub use grid::{Bounds, Grid};
 pub use histogram::{automatic_transfer_function, background_values};
+pub use label_table::{LabelEntry, LabelTable, LabelTableError};
 pub use mesh::{Mesh, MeshField};
 pub use read::{
     ENDINGS, Limits, ReadError, ReadOptions, SERIES_ENDINGS, SeriesStep, WriteError, formats_help, is_series_path,

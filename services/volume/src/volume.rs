@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::field::Field;
 use crate::grid::{Grid, GridError};
+use crate::label_table::LabelTable;
 use crate::scalars::Scalars;
 use crate::world_frame::{LengthUnit, WorldFrame};
 
@@ -14,6 +15,7 @@ pub struct Volume {
     scalars: Scalars,
     variable: Option<String>,
     frame: WorldFrame,
+    labels: LabelTable,
 }
 
 /// The number of values does not match the grid.
@@ -33,7 +35,7 @@ impl Volume {
     /// [`ValueCount`] if the lengths differ.
     pub fn new(grid: Grid, scalars: Scalars, variable: Option<String>) -> Result<Self, ValueCount> {
         if scalars.len() == grid.len() {
-            Ok(Self { grid, scalars, variable, frame: WorldFrame::default() })
+            Ok(Self { grid, scalars, variable, frame: WorldFrame::default(), labels: LabelTable::default() })
         } else {
             Err(ValueCount { values: scalars.len(), dims: grid.dims() })
         }
@@ -43,6 +45,12 @@ impl Volume {
     #[must_use]
     pub fn in_frame(self, frame: WorldFrame) -> Self {
         Self { frame, ..self }
+    }
+
+    /// The same volume with names and colours of its values, where these are labels.
+    #[must_use]
+    pub fn with_labels(self, labels: LabelTable) -> Self {
+        Self { labels, ..self }
     }
 
     /// The same values with other lengths between voxels, in millimetres along x, y and z: for files without spacing.
@@ -59,6 +67,12 @@ impl Volume {
     #[must_use]
     pub fn frame(&self) -> WorldFrame {
         self.frame
+    }
+
+    /// Names and colours of the values, where the file tells them: those of the segments of a label map.
+    #[must_use]
+    pub fn labels(&self) -> &LabelTable {
+        &self.labels
     }
 
     /// The grid of the voxels.

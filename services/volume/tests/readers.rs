@@ -12,7 +12,7 @@ use flate2::write::{GzEncoder, ZlibEncoder};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 use sg_volume::{
-    LengthUnit, Limits, PatientFrame, ReadError, Scalars, Volume, WorldFrame, lacks_spacing, raw_file_name,
+    LabelEntry, LengthUnit, Limits, PatientFrame, ReadError, Scalars, Volume, WorldFrame, lacks_spacing, raw_file_name,
     read_volume, read_volume_within, write_raw,
 };
 
@@ -135,6 +135,19 @@ fn nrrd_tells_the_sides_of_a_patient_and_the_length_unit() {
     for (space, lines, patient, unit) in cases {
         assert_eq!(read(&slicer(space, &lines)).frame(), WorldFrame { patient, unit }, "{space} {lines}");
     }
+}
+
+#[test]
+fn nrrd_tells_names_and_colours_of_segments() {
+    let dir = tempfile::tempdir().unwrap();
+    let lines = "Segment0_Name:=cyst: left\nSegment0_Color:=1 0.5 0\nSegment0_LabelValue:=4\nSegment1_Name:=kidney\n\
+                 space directions: (1,0,0) (0,1,0) (0,0,1)\nSegment1_Extent:=0 2 0 3 0 4\n";
+    let header = slicer("left-posterior-superior", lines);
+    let v = read_volume(&put(dir.path(), "v.seg.nrrd", &joined(&[header.as_bytes(), &bytes(false)]))).unwrap();
+    let told = |label| v.labels().get(label).cloned();
+    assert_eq!(told(4), Some(LabelEntry { name: Some("cyst: left".to_owned()), color: Some([1.0, 0.5, 0.0]) }));
+    assert_eq!(told(2), Some(LabelEntry { name: Some("kidney".to_owned()), color: None }));
+    assert_eq!(v.labels().labels().count(), 2);
 }
 
 #[test]

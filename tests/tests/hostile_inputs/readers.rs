@@ -31,7 +31,7 @@ const fn reader(name: &'static str, ending: &'static str, words: &'static [&'sta
 }
 
 /// Every reader.
-pub(crate) const READERS: [Reader; 31] = [
+pub(crate) const READERS: [Reader; 32] = [
     reader("ply", ".ply", &["scene", "info", "{}"]),
     reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
     reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
@@ -93,6 +93,11 @@ pub(crate) const READERS: [Reader; 31] = [
         "truth volume",
         "_8x8x8_uint8.raw",
         &["fit", "right_8x8x8_uint8.raw", "--initial-only", "--out", "to", "--labels", "{}", "--out-truth", "to.npy"],
+    ),
+    reader(
+        "label names",
+        ".txt",
+        &["fit", "right_8x8x8_uint8.raw", "--initial-only", "--out", "to", "--label-units", "--label-names", "{}"],
     ),
     Reader { shows_lines: true, ..reader("launch", ".toml", &["check", "{}"]) },
     Reader { shows_lines: true, ..reader("script", ".toml", &["demo", "right.ply", "--script", "{}", "--out", "to"]) },
@@ -209,6 +214,7 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("legacy vtk", LEGACY_VTK.into()),
         ("nifti", nifti([8, 8, 8], &voxels)),
         ("truth volume", voxels.iter().map(|v| v % 3).collect()),
+        ("label names", b"1 255 0 0 1 1 1 \"a\"\n".to_vec()),
         ("launch", b"schema = 1\n[service.scene]\nexec = \"/bin/true\"\n".to_vec()),
         ("script", b"[[step]]\nsay = \"help\"\n".to_vec()),
     ])

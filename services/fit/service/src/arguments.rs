@@ -36,7 +36,7 @@ pub(crate) struct FitArgs {
     pub(crate) out: Option<PathBuf>,
     /// Folder of kept scenes, in place of --out. A volume with the same options is not fitted again; the report names the
     /// scene.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "labels", "report"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "out_truth", "report"])]
     pub(crate) keep_in: Option<PathBuf>,
     /// Place Gaussians directly from the volume, without training.
     #[arg(long)]
@@ -77,10 +77,24 @@ pub(crate) struct FitArgs {
     /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     pub(crate) report: Option<PathBuf>,
-    /// Label volume of the same place. --out-truth gets the label at each Gaussian's centre, and the report the scores of suggested
-    /// base units against the labels.
+    /// Label volume of the same place: for --label-units. --out-truth gets the label at each Gaussian's centre, and the report the
+    /// scores of suggested base units against the labels.
     #[arg(long, value_name = "LABELVOLUME")]
     pub(crate) labels: Option<PathBuf>,
+    /// Make each label a base unit: of --labels, on the grid of the volume, or of the volume itself, as a label map that stands
+    /// alone. Opacities are those of the transfer function; alone, one for all. The scene is the direct start, without training.
+    #[arg(
+        long,
+        conflicts_with_all = ["suggest_units", "start", "seconds", "iterations", "target_psnr", "views", "view_size"]
+    )]
+    pub(crate) label_units: bool,
+    /// Names and colours of the labels: a label description file of ITK-SNAP. Default: those of the segments of a NRRD file by 3D
+    /// Slicer, or `label 3` and colours for the colour-blind.
+    #[arg(long, value_name = "NAMES.txt")]
+    pub(crate) label_names: Option<PathBuf>,
+    /// Make the voxels without a label the base unit `rest`. Without this they are left out.
+    #[arg(long, requires = "labels")]
+    pub(crate) rest_unit: bool,
     /// File for the labels of the Gaussians in scene order: int32 (n,), or uint8 0/1 with --truth-value.
     #[arg(long, value_name = "labels.npy", requires = "labels")]
     pub(crate) out_truth: Option<PathBuf>,

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Parser, Subcommand};
+use sg_fit::label_units::LabelUnits;
 use sg_fit::labels::{label_scores, labels_of};
 use sg_fit::training::checkpoint::Origin;
 use sg_fit::{DirectStart, Options, direct_start, orientation_of};
@@ -28,19 +29,20 @@ use crate::carry::{CarryArgs, carry};
 use crate::checkpoint_file::{CheckpointFile, checkpoint_path};
 use crate::failure::{Failure, input, work};
 use crate::interruption::{End, Further, stopped_line};
-use crate::kept_scenes::{self, KeptScene, KeptScenes};
+use crate::kept_scenes::{self, KeptScene, KeptScenes, key_of_labels};
 use crate::output::{function_file, write, write_scene, write_truth};
 use crate::own_rights::confined;
 use crate::progress::Display;
 use crate::report::{FitReport, MeshReport, note_left_out, suggestion_line, training_line};
 use crate::stop_signals::StopSignals;
 use crate::training_run::{Plan, Surroundings, Trained};
-use crate::{phantom, time_series};
+use crate::{label_units, phantom, time_series};
 
 const EXAMPLE: &str = "Examples:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --gaussians 20000 --out bonsai
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --suggest-units --initial-only --out bonsai
+  supergaussian fit brain.nrrd --labels labels.nrrd --label-units --initial-only --out brain
   supergaussian fit flow_0.vti flow_1.vti flow_2.vti --seconds 30 --out flow
   supergaussian fit flow.pvd --variable pressure --out flow
 
@@ -125,12 +127,10 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
     if args.keep_in.is_some() && !args.initial_only {
         return Err(input("--keep-in keeps direct starts; add --initial-only, or give --out for a training"));
     }
-    if args.labels.is_some() && args.out_truth.is_none() && args.suggest_units.is_none() {
-        return Err(input("--labels is for --out-truth FILE, or for --suggest-units; add one"));
-    }
+    label_units::check_options(args)?;
     let clock = Instant::now();
     let _made = confined(args, place)?;
-    let signals = StopSignals::for_training(!args.initial_only).map_err(work)?;
+    let signals = StopSignals::for_training(!args.initial_only && !args.label_units).map_err(work)?;
     let given = args.given_function()?;
     let volume = read_dataset(path, &args.read_options(given.as_ref())).map_err(input)?;
     let read_labels = |labels: &Path| {
@@ -138,6 +138,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
         read_spaced_volume(labels, spacing, Limits::default()).map_err(input)
     };
     let labels = args.labels.as_deref().map(read_labels).transpose()?;
+    let label_units = label_units::label_units(args, path, &volume, labels.as_ref())?;
     let orientation = orientation_of(volume.frame());
     let own_field = volume.to_field();
     let field = own_field.as_ref();
@@ -156,7 +157,10 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
         }
         None => None,
     };
-    let function = match (given, &suggested) {
+    let even = label_units.as_ref().filter(|units| units.stands_alone()).map(LabelUnits::even_function);
+    // That of labels alone is of no use for anything else.
+    let keeps_function = even.is_none();
+    let function = match (given.or(even), &suggested) {
         (_, Some(suggested)) => suggested.function.clone(),
         (Some(given), None) => given,
         (None, None) => field
@@ -171,6 +175,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
         Some(folder) => {
             let kept = KeptScenes::new(folder).map_err(|e| work(format!("{}: {e}", folder.display())))?;
             let key = kept_scenes::key(field, orientation, &function, &options).map_err(work)?;
+            let key = label_units.as_ref().map_or_else(|| key.clone(), |units| key_of_labels(&key, units));
             if let Some(scene) = kept.find(&key) {
                 return report_kept(path, &scene, json).map(|()| End::Whole);
             }
@@ -179,16 +184,25 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
         None => None,
     };
     check_outputs(args)?;
+    let mut labels_left_out = None;
     let (mut scene, direct) = match &args.start {
         Some(start) => (earlier_scene(start, &function)?, None),
         None => {
-            let start = start_directly(args, path, field, &function, &options)?;
+            let start = match (&label_units, &own_field) {
+                (Some(units), ScalarField::Grid(voxels)) => {
+                    let start = label_units::start(args, path, voxels, &function, units, &options)?;
+                    let (empty, hidden) = label_units::left_out(units, &start);
+                    labels_left_out = Some(empty + hidden);
+                    start
+                }
+                _ => start_directly(args, path, field, &function, &options)?,
+            };
             (start.scene, Some(start.report))
         }
     };
     scene.orientation = orientation;
     let classifier = function.classifier(field.range()).map_err(|e| input(format!("{}: {e}", path.display())))?;
-    let trained = if args.initial_only {
+    let trained = if args.initial_only || label_units.is_some() {
         None
     } else {
         Some(train(args, (path, place), &mut scene, (field, orientation, &function, &classifier), &signals)?)
@@ -206,12 +220,13 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
 
     let clock = Instant::now();
     let given = args.transfer_function.as_deref();
+    let kept_function = keeps_function.then_some(&function);
     let (scene_file, mut files) = match &keeping {
-        None => (place.join("scene.toml"), write_scene(place, &mut scene, given, &function)?),
+        None => (place.join("scene.toml"), write_scene(place, &mut scene, given, kept_function)?),
         Some((kept, key)) => {
             let fail = |e: io::Error| work(format!("{}: {e}; give a writable folder", place.display()));
             let staged = kept.stage(path).map_err(fail)?;
-            let written = write_scene(&staged.folder, &mut scene, given, &function)?;
+            let written = write_scene(&staged.folder, &mut scene, given, kept_function)?;
             let scene_file = kept.keep(staged, key).map_err(fail)?;
             let beside = |file: &PathBuf| file.file_name().map(|name| scene_file.with_file_name(name));
             let files = written.iter().filter_map(beside).collect();
@@ -238,6 +253,7 @@ fn fit(args: &FitArgs, json: bool) -> Result<End, Failure> {
         write_seconds: clock.elapsed().as_secs_f64(),
         suggested: suggested.as_ref().map(|suggested| suggested.units.as_slice()),
         label_scores: scores.as_deref(),
+        labels_left_out,
         direct: direct.as_ref(),
         training: trained.as_ref().map(|(trained, _)| &trained.report),
         stopped: trained.as_ref().is_some_and(|(trained, _)| trained.is_stopped),
@@ -380,6 +396,7 @@ fn check_outputs(args: &FitArgs) -> Result<(), Failure> {
     }
     // The scene keeps the unchanged transfer function, so its own file may be the input.
     let inputs = args.volumes.iter().map(PathBuf::as_path).chain(args.labels.as_deref()).chain(args.start.as_deref());
+    let inputs = inputs.chain(args.label_names.as_deref());
     let function = args.out.as_deref().map(|out| function_file(out, args.transfer_function.as_deref()));
     let checkpoint = args.out.as_deref().filter(|_| !args.initial_only).map(checkpoint_path);
     let outputs = [function.as_deref(), args.out_truth.as_deref(), args.report.as_deref(), checkpoint.as_deref()];

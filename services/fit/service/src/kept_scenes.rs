@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use sg_fit::Options;
 use sg_fit::direct::REVISION;
+use sg_fit::label_units::LabelUnits;
 use sg_formats::LoadOptions;
 use sg_formats::files::short_name;
 use sg_formats::staged_file::sync_folder;
@@ -183,10 +184,26 @@ fn hash<'a>(
     Ok(hasher.finalize())
 }
 
+/// The key of a fit whose base units are labels, from [`key`] of its volume.
+pub(crate) fn key_of_labels(key: &str, labels: &LabelUnits) -> String {
+    let mut hasher = blake3::Hasher::new_derive_key("supergaussian scene of labels 1");
+    hasher.update(key.as_bytes());
+    for unit in labels.units() {
+        hasher.update(&unit.label.to_le_bytes()).update(&(unit.name.len() as u64).to_le_bytes());
+        hasher.update(unit.name.as_bytes()).update(&[u8::from(unit.color.is_some())]);
+        unit.color.iter().flat_map(glam::Vec3::to_array).for_each(|channel| {
+            hasher.update(&channel.to_le_bytes());
+        });
+    }
+    hasher.update(&[u8::from(labels.stands_alone())]).update(labels.of_voxels());
+    hasher.finalize().to_hex().chars().take(KEY).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use sg_fit::direct_start;
+    use sg_fit::label_units::Background;
     use sg_formats::SaveOptions;
     use sg_volume::Field;
     use sg_volume::phantom::{VesselTree, transfer_function};
@@ -217,6 +234,32 @@ mod tests {
         for other in others {
             assert_ne!(other.unwrap(), one);
         }
+    }
+
+    #[test]
+    fn a_key_stands_for_labels_with_their_names_and_colours() {
+        let labels = VesselTree::new().rasterize(16, 1).unwrap().labels().unwrap();
+        let table = sg_volume::LabelTable::default();
+        let units = |background| LabelUnits::new(&labels, &table, background).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let named = |text: &str| {
+            std::fs::write(dir.path().join("names.txt"), text).unwrap();
+            let table = sg_volume::LabelTable::load(&dir.path().join("names.txt")).unwrap();
+            LabelUnits::new(&labels, &table, Background::LeftOut).unwrap()
+        };
+        let all = [
+            units(Background::LeftOut),
+            units(Background::Rest),
+            LabelUnits::alone(&labels, &table).unwrap(),
+            named("1 0 0 0 1 1 1 \"sac\""),
+            named("1 0 0 1 1 1 1 \"sac\""),
+        ];
+        let mut keys: Vec<String> = all.iter().map(|units| key_of_labels("0123456789abcdef", units)).collect();
+        assert_eq!((keys[0].len(), &keys[0]), (KEY, &key_of_labels("0123456789abcdef", &all[0])));
+        assert_ne!(keys[0], key_of_labels("f123456789abcdef", &all[0]));
+        keys.sort();
+        keys.dedup();
+        assert_eq!(keys.len(), all.len());
     }
 
     #[test]

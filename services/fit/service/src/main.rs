@@ -7,6 +7,7 @@ mod cli;
 mod failure;
 mod interruption;
 mod kept_scenes;
+mod label_units;
 mod output;
 mod own_rights;
 mod phantom;

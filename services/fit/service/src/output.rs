@@ -37,23 +37,24 @@ pub(crate) fn function_file(out: &Path, given: Option<&Path>) -> PathBuf {
     out.join(given.and_then(Path::file_name).unwrap_or_else(|| "automatic.tf.json".as_ref()))
 }
 
-/// Writes the transfer function and then the scene with its name.
+/// Writes the transfer function and then the scene with its name. A scene without values of a volume has no function.
 pub(crate) fn write_scene(
     out: &Path,
     scene: &mut Scene,
     given: Option<&Path>,
-    function: &TransferFunction,
+    function: Option<&TransferFunction>,
 ) -> Result<Vec<PathBuf>, Failure> {
     make_folder(out)?;
-    let target = function_file(out, given);
-    let name = target.file_name().map(PathBuf::from);
-    match given {
+    let target = function.map(|_| function_file(out, given));
+    let name = target.as_deref().and_then(Path::file_name).map(PathBuf::from);
+    match (&target, function, given) {
         // The unchanged file, with unknown keys.
-        Some(given) => write(
-            &target,
+        (Some(target), _, Some(given)) => write(
+            target,
             &file::read(given, limits::TEXT_BYTES).map_err(|e| input(format!("{}: {e}", given.display())))?,
         )?,
-        None => write(&target, function.to_json().map_err(work)?.as_bytes())?,
+        (Some(target), Some(function), None) => write(target, function.to_json().map_err(work)?.as_bytes())?,
+        _ => {}
     }
     for unit in &mut scene.units {
         unit.transfer_function.clone_from(&name);
@@ -62,5 +63,5 @@ pub(crate) fn write_scene(
     for warning in &saved.warnings {
         print_line(&format!("note: {}", warning.message));
     }
-    Ok(saved.files.into_iter().chain([target]).collect())
+    Ok(saved.files.into_iter().chain(target).collect())
 }

@@ -51,7 +51,7 @@ pub(crate) fn confined(args: &FitArgs, place: &Path) -> Result<MadeFolders, Fail
     }
     let files = Files {
         volumes: args.volumes.iter().map(PathBuf::as_path).chain(args.labels.as_deref()).collect(),
-        inputs: args.transfer_function.as_deref().into_iter().collect(),
+        inputs: args.transfer_function.as_deref().into_iter().chain(args.label_names.as_deref()).collect(),
         scene: args.start.as_deref(),
         folder: Some(place),
         private: args.keep_in.is_some(),

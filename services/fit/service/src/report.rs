@@ -36,6 +36,9 @@ pub(crate) struct FitReport<'a> {
     /// Scores of suggested base units against each label, if labels of the same voxels were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) label_scores: Option<&'a [LabelScore]>,
+    /// Labels without a base unit, if base units are labels: they have no voxel, or nothing of them is visible.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) labels_left_out: Option<usize>,
     #[serde(flatten)]
     pub(crate) direct: Option<&'a Report>,
     #[serde(skip_serializing_if = "Option::is_none")]

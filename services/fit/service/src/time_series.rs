@@ -158,6 +158,8 @@ fn out_folder(args: &FitArgs) -> Result<&Path, Failure> {
         ("--start", args.start.is_some()),
         ("--keep-in", args.keep_in.is_some()),
         ("--labels", args.labels.is_some()),
+        ("--label-units", args.label_units),
+        ("--label-names", args.label_names.is_some()),
         ("--suggest-units", args.suggest_units.is_some()),
         ("--resume", args.training.resume),
     ];
@@ -376,7 +378,7 @@ fn fit_step(
     let folder = out.join(folder_name(index));
     make_folder(&folder)?;
     npy::write_array(&folder.join(PREVIOUS_FILE), &[start.previous.len()], &start.previous).map_err(work)?;
-    write_scene(&folder, &mut start.scene, args.transfer_function.as_deref(), function)?;
+    write_scene(&folder, &mut start.scene, args.transfer_function.as_deref(), Some(function))?;
     let gaussians = start.scene.len();
     series.finish(start.scene, own);
     let name = PathBuf::from(folder_name(index));

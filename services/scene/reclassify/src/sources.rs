@@ -175,6 +175,19 @@ pub fn store(sources: &[Source], gaussians: &mut Gaussians) {
     }
 }
 
+/// Stores the colours of Gaussians as differences from those of the transfer function. That function then gives back their colours, and
+/// others change them by as much as the function changes.
+pub fn store_colors(gaussians: &mut Gaussians, palette: Vec3, classifier: &Classifier) {
+    let averages = Averages::new(classifier);
+    let Some(columns) = Columns::of(&gaussians.extra) else { return };
+    let Some(shading) = gaussians.shading.as_ref() else { return };
+    let offset = |(i, own): (usize, &Vec3)| *own + palette - columns.average(&averages, i).color;
+    let offsets: Vec<Vec3> = shading.offset_color.iter().enumerate().map(offset).collect();
+    for (k, name) in OFFSETS.into_iter().enumerate() {
+        set(gaussians, name, ExtraValues::F32(offsets.iter().map(|offset| offset[k]).collect()));
+    }
+}
+
 /// Stores the surfaceness that the shading of Gaussians is made for.
 pub(crate) fn set_surfaceness(gaussians: &mut Gaussians, values: Vec<f32>) {
     set(gaussians, SURFACENESS, ExtraValues::F32(values));

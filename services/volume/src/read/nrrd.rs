@@ -4,6 +4,7 @@
 //! direction. The grid keeps the file's own world frame, for example `left-posterior-superior`. One exception is
 //! `left-anterior-superior`, which is left-handed: its x axis is turned round, so that pictures do not swap a patient's sides.
 //! `space units`, or else `units`, gives the length unit. A patient's frame without units is in millimetres, as 3D Slicer writes it.
+//! Its names and colours of segments are read too.
 
 use std::io::{BufRead, Read, Seek, SeekFrom};
 use std::path::PathBuf;
@@ -11,6 +12,7 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec3};
 
 use crate::grid::Grid;
+use crate::label_table::LabelTable;
 use crate::scalars::ScalarType;
 use crate::volume::Volume;
 use crate::world_frame::{LengthUnit, PatientFrame, WorldFrame};
@@ -89,7 +91,8 @@ fn read(source: Source<'_>) -> Result<Volume, ReadError> {
         }
     };
     let volume = Volume::new(grid, scalars, header.content);
-    volume.map(|volume| volume.in_frame(header.frame)).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
+    let told = |volume: Volume| volume.in_frame(header.frame).with_labels(header.labels);
+    volume.map(told).map_err(|e| source.format("voxels", e.to_string(), REMEDY))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,6 +121,8 @@ struct Header {
     byte_skip: i64,
     content: Option<String>,
     frame: WorldFrame,
+    /// Names and colours of the segments that 3D Slicer has written.
+    labels: LabelTable,
     /// Whether the x axis of the world is turned round.
     mirrored: bool,
 }
@@ -142,13 +147,18 @@ fn length_unit(value: &str) -> Option<LengthUnit> {
     units.all(|unit| unit == Some(first)).then_some(first)
 }
 
-/// The fields of the header: line number, name and value.
+/// What the header says.
 #[derive(Default)]
-struct Fields(Vec<(usize, String, String)>);
+struct Fields {
+    /// Line number, name and value of each field.
+    fields: Vec<(usize, String, String)>,
+    /// Keys and values of other programs.
+    pairs: Vec<(String, String)>,
+}
 
 impl Fields {
     fn get(&self, names: &[&str]) -> Option<(usize, &str)> {
-        self.0.iter().find(|(_, n, _)| names.contains(&n.as_str())).map(|(line, _, v)| (*line, v.as_str()))
+        self.fields.iter().find(|(_, n, _)| names.contains(&n.as_str())).map(|(line, _, v)| (*line, v.as_str()))
     }
 }
 
@@ -262,6 +272,7 @@ impl Header {
             byte_skip,
             content: fields.get(&["content"]).map(|(_, v)| v.to_owned()).filter(|v| !v.is_empty()),
             frame,
+            labels: LabelTable::of_segments(&fields.pairs),
             mirrored,
         })
     }
@@ -348,19 +359,21 @@ fn read_fields(source: Source<'_>, reader: &mut impl BufRead) -> Result<Fields, 
         // `key:=value` pairs belong to other programs. Their values may contain ": ".
         let field = line.find(": ").or_else(|| line.strip_suffix(':').map(str::len));
         match (line.find(":="), field) {
-            (Some(pair), Some(at)) if pair < at => {}
-            (Some(_), None) => {}
+            (Some(pair), at) if at.is_none_or(|at| pair < at) => {
+                let value = line.get(pair + 2..).unwrap_or("");
+                fields.pairs.push((line[..pair].trim().to_owned(), value.to_owned()));
+            }
             (_, Some(at)) => {
                 let name = line[..at].trim().to_ascii_lowercase();
                 let value = line.get(at + 1..).unwrap_or("").trim().to_owned();
                 // A list of data files ends the header.
                 let is_list = name.starts_with("data") && value.starts_with("LIST");
-                fields.0.push((number, name, value));
+                fields.fields.push((number, name, value));
                 if is_list {
                     break;
                 }
             }
-            (None, None) => {
+            (_, None) => {
                 let what = format!("`{}` is not `field: value`", line.chars().take(60).collect::<String>());
                 return Err(source.format(format!("line {number}"), what, "correct or remove the line"));
             }

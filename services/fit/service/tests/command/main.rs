@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
 mod interruption;
+mod label_units;
 mod meshes;
 mod refusals;
 mod series;

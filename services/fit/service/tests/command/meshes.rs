@@ -53,6 +53,7 @@ fn a_mesh_becomes_a_scene_of_one_of_its_quantities() {
         (&["--variable", "heat"][..], "none is called `heat`; give one of distance, velocity (3 components)"),
         (&["--variable", "velocity:3"], "no component `3` among 3"),
         (&["--suggest-units"], "--suggest-units is for voxels"),
+        (&["--label-units"], "--label-units is for voxels"),
         (&["--spacing", "1,1,1"], "a given spacing is for raw volumes"),
         (&["--labels", "block.vtk", "--out-truth", "t.npy"], "a mesh, where voxels are needed"),
     ] {

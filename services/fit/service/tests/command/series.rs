@@ -181,7 +181,7 @@ fn wrong_steps_end_with_one_line_and_change_nothing() {
     let before = content(d);
     let (a, b) = ("a_16x16x16_float32.raw", "b_16x16x16_float32.raw");
     let (constant, nan) = ("constant_16x16x16_float32.raw", "nan_16x16x16_float32.raw");
-    let cases: [(&[&str], &str, &str); 16] = [
+    let cases: [(&[&str], &str, &str); 17] = [
         (&[a, b, "cut_16x16x16_float32.raw"], "out", "step 2: cut_16x16x16_float32.raw: expected 16384 bytes"),
         (&[a, "absent_1x1x1_uint8.raw"], "out", "step 1: absent_1x1x1_uint8.raw: No such file"),
         (&[a, "x.nc"], "out", "step 1: x.nc: content: NetCDF cannot be read; open it in ParaView"),
@@ -195,6 +195,7 @@ fn wrong_steps_end_with_one_line_and_change_nothing() {
         (&[a, b], "taken", "series.toml: the file there is no series file"),
         (&[a, b], "full", "no scene file"),
         (&[a, b, "--suggest-units"], "out", "--suggest-units is for one volume"),
+        (&[a, b, "--label-units"], "out", "--label-units is for one volume"),
         (&[a, b, "--labels", a, "--out-truth", "t.npy"], "out", "--labels is for one volume"),
         (&[a, b, "--report", a], "out", "the command reads this file"),
         (&["absent.pvd"], "out", "absent.pvd: No such file"),
