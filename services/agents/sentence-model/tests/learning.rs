@@ -1,4 +1,5 @@
 //! Learning from a few sentences, and reading others.
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up fails")]
 
 use sg_sentence_model::{Examples, Model, ModelError, Slot};
 
