@@ -37,7 +37,8 @@ const EXAMPLE: &str = "Examples:
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --initial-only --out bonsai
   supergaussian fit bonsai_256x256x256_uint8.raw.zst --suggest-units --initial-only --out bonsai
   supergaussian fit flow_0.vti flow_1.vti flow_2.vti --seconds 30 --out flow
-  supergaussian fit flow.pvd --variable pressure --out flow";
+  supergaussian fit flow.pvd --variable pressure --out flow
+  supergaussian fit ct/slices --initial-only --out head";
 
 /// Converts a volume to an editable scene of Gaussians: `DIR/scene.toml` and one PLY file per base unit.
 #[derive(Parser)]
