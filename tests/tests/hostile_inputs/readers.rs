@@ -313,17 +313,8 @@ pub(crate) fn nifti(dims: [i16; 3], voxels: &[u8]) -> Vec<u8> {
 pub(crate) fn dicom(columns: u16, rows: u16, frames: u16, voxels: &[u8]) -> Vec<u8> {
     let element = |tag: [u16; 2], kind: &str, value: &[u8]| {
         let is_text = !matches!(kind, "US" | "SQ" | "OB");
-        let filled = [
-            value,
-            if value.len() % 2 == 0 {
-                b""
-            } else if is_text {
-                b" "
-            } else {
-                b"\0"
-            },
-        ]
-        .concat();
+        let filler = if is_text { b" " } else { b"\0" };
+        let filled = [value, &filler[..value.len() % 2]].concat();
         let mut bytes = [tag[0].to_le_bytes(), tag[1].to_le_bytes()].concat();
         bytes.extend(kind.as_bytes());
         if matches!(kind, "SQ" | "OB") {

@@ -4,6 +4,7 @@
 mod meshes;
 mod refusals;
 mod series;
+mod slices;
 mod training;
 mod volumes;
 
