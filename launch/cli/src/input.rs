@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::Value;
 use sg_formats::Format;
 use sg_input::{file, unreadable};
-use sg_volume::is_volume_path;
+use sg_volume::is_volume;
 
 use crate::opening_window::{OpeningWindow, PREPARED};
 use crate::subcommands::{json_of, json_watched};
@@ -46,7 +46,7 @@ pub(crate) struct Scene {
 }
 
 impl Input {
-    /// Tells scenes from volumes by the extension. The tables in `sg-formats` and `sg-volume` are the only lists of files that can
+    /// Tells scenes from volumes by the extension, and DICOM slices by their content. The tables in `sg-formats` and `sg-volume` are the only lists of files that can
     /// be read, so this program links them, as the window does for dropped files.
     ///
     /// # Errors
@@ -59,8 +59,10 @@ impl Input {
         if path.extension().is_some_and(|ending| ending == PROJECT) {
             return Ok(Self::Project(path));
         }
-        let is_scene = Format::is_scene_path(&path);
-        if !is_certain(&path, is_scene)
+        let is_volume = is_volume(&path);
+        let is_scene = !is_volume && Format::is_scene_path(&path);
+        if !is_volume
+            && !is_certain(&path, is_scene)
             && let Some(found) = unreadable::recognise(&path)
         {
             return Err(refuse(&path, &found));
@@ -149,11 +151,10 @@ fn scene_of_project(project: &Path) -> Result<Scene, Failure> {
     Err(Failure::Input(format!("{}: {} {gone}", project.display(), path.display())))
 }
 
-/// Whether the name alone tells a readable format. Content does not decide then: a `.nii.gz` begins as an archive does.
+/// Whether the name alone tells a scene. Content does not decide then.
 fn is_certain(path: &Path, is_scene: bool) -> bool {
     // A folder without a scene file may hold the slices of another format.
-    let is_scene = is_scene && (!path.is_dir() || path.join("scene.toml").exists());
-    is_scene || is_volume_path(path)
+    is_scene && (!path.is_dir() || path.join("scene.toml").exists())
 }
 
 /// How a volume or a mesh becomes a scene, as a person says it: options of `fit`.
@@ -165,6 +166,9 @@ pub(crate) struct VolumeOptions {
     /// Quantity of a file that holds several: NAME, or NAME:K for component K of a vector
     #[arg(long, value_name = "NAME")]
     variable: Option<String>,
+    /// Series of a folder of DICOM slices with several: its number, as a note tells it. Default: the largest
+    #[arg(long, value_name = "N")]
+    series: Option<String>,
     /// Transfer function of a volume. Default: one from the histogram
     #[arg(long, value_name = "TF.json")]
     transfer_function: Option<PathBuf>,
@@ -196,6 +200,7 @@ impl VolumeOptions {
         let values = [
             ("--spacing", self.spacing.as_deref().map(OsStr::new)),
             ("--variable", self.variable.as_deref().map(OsStr::new)),
+            ("--series", self.series.as_deref().map(OsStr::new)),
             ("--transfer-function", self.transfer_function.as_deref().map(Path::as_os_str)),
             ("--hidden", self.hidden.as_deref().map(OsStr::new)),
             ("--labels", self.labels.as_deref().map(Path::as_os_str)),
@@ -368,11 +373,27 @@ mod tests {
         let gzip = folder.path().join("brain.nii.gz");
         std::fs::write(&gzip, b"\x1f\x8b\x08").unwrap();
         assert!(matches!(Input::of(Some(&gzip)).unwrap(), Input::Volume(_)));
-        for (name, content) in [("slice.dcm", &b""[..]), ("IM0001", &[[0; 128].as_slice(), b"DICM"].concat())] {
+        for (name, content, said) in
+            [("cells.h5", &b""[..], "HDF5 cannot be read; "), ("IM0001", b"\x89HDF\r\n\x1a\n", "HDF5 cannot be read; ")]
+        {
             let path = folder.path().join(name);
             std::fs::write(&path, content).unwrap();
-            let Err(Failure::Input(said)) = Input::of(Some(&path)) else { panic!("{name} is taken") };
-            assert!(said.ends_with("DICOM cannot be read; save it as NRRD from 3D Slicer"), "{said}");
+            let Err(Failure::Input(line)) = Input::of(Some(&path)) else { panic!("{name} is taken") };
+            assert!(line.contains(said), "{line}");
         }
+    }
+
+    #[test]
+    fn slices_of_dicom_are_a_volume_alone_and_in_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let slice = folder.path().join("IM0001");
+        std::fs::write(&slice, [&[0; 128][..], b"DICM"].concat()).unwrap();
+        let named = folder.path().join("slice.dcm");
+        std::fs::write(&named, "").unwrap();
+        for path in [slice.as_path(), &named, folder.path()] {
+            assert!(matches!(Input::of(Some(path)).unwrap(), Input::Volume(_)), "{}", path.display());
+        }
+        std::fs::write(folder.path().join("scene.toml"), "").unwrap();
+        assert!(matches!(Input::of(Some(folder.path())).unwrap(), Input::Scene(_)));
     }
 }

@@ -44,7 +44,8 @@ pub(crate) const EXAMPLES: &str = "Examples:
   supergaussian render scene.toml --counts --both-eyes --rasterizer quads --card rtx-3090
   supergaussian render scene.toml --counts --both-eyes --foveation 30 --card rtx-3090
   supergaussian render bonsai/scene.toml --turntable --camera-path way.txt --out film --frames 120 --fps 24
-  supergaussian render bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --out volume.png";
+  supergaussian render bonsai_256x256x256_uint8.raw.zst --transfer-function bonsai.tf.json --out volume.png
+  supergaussian render ct/slices --out head.png";
 
 /// Example in the help of `serve`.
 pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
@@ -55,7 +56,7 @@ pub(crate) const SERVE_EXAMPLE: &str = "Example (a supervisor does this):
 // One flat list: clap's derive takes an optional group of arguments for absent where it has another group within.
 #[derive(Debug, Args)]
 pub(crate) struct Picture {
-    /// The scene: a Gaussian file or `scene.toml`. Or a volume, for ray marching.
+    /// The scene: a Gaussian file or `scene.toml`. Or a volume, for ray marching: a file, or a folder of DICOM slices.
     scene: PathBuf,
     /// Transfer function of a volume [default: an automatic one from the histogram]. Or another one for a scene of a volume, whose
     /// Gaussians keep the volume's values [default: that of the scene].
@@ -71,6 +72,10 @@ pub(crate) struct Picture {
     /// transfer function, or the first one.
     #[arg(long, value_name = "NAME")]
     variable: Option<String>,
+    /// Series to draw, of a folder of DICOM slices with several: its number from 1, as a note tells it. Default: that of the named
+    /// file, or the largest one.
+    #[arg(long, value_name = "N")]
+    series: Option<usize>,
     /// Camera file (JSON). Without one, the whole scene is framed: plain splats from the front, volume scenes obliquely with
     /// z up.
     #[arg(long)]

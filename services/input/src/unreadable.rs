@@ -51,7 +51,8 @@ const FROM_POINTS: &str = "points are no Gaussians; train Gaussians on pictures 
 
 /// The formats. Of several with the same first bytes the ending chooses, else the first one; for ZIP and gzip it is the last one.
 pub static UNREADABLE: &[UnreadableFormat] = &[
-    row("DICOM", &[".dcm", ".dicom", ".ima"], &[(128, b"DICM")], FROM_SLICER),
+    // A volume reader takes it; who looks for Gaussians alone asks here.
+    row("DICOM as a scene", &[], &[(128, b"DICM")], "make a scene of it with `supergaussian fit`"),
     row("Analyze, or NIfTI in two files,", &[".hdr", ".img", ".hdr.gz", ".img.gz"], &[], FROM_SLICER),
     row("FreeSurfer MGH", &[".mgh", ".mgz"], &[], FROM_SLICER),
     row("Philips PAR/REC", &[".par", ".rec"], &[], "convert it to NIfTI with dcm2niix"),
@@ -190,7 +191,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("unnamed");
         for (at, magic, name) in [
-            (128, &b"DICM"[..], "DICOM"),
+            (128, &b"DICM"[..], "DICOM as a scene"),
             (0, b"\x89HDF\r\n\x1a\n", "HDF5"),
             (0, b"CDF\x01", "NetCDF"),
             (0, b"CDF\x02", "NetCDF"),
@@ -250,7 +251,7 @@ mod tests {
         assert_eq!(name(dir.path()), None);
         std::fs::write(dir.path().join("README"), "slices").unwrap();
         std::fs::write(dir.path().join("IM0001"), padded(128, b"DICM")).unwrap();
-        assert_eq!(name(dir.path()), Some("DICOM"));
+        assert_eq!(name(dir.path()), Some("DICOM as a scene"));
         let zarr = dir.path().join("cells");
         std::fs::create_dir(&zarr).unwrap();
         std::fs::write(zarr.join(".zarray"), "{}").unwrap();

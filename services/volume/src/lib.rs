@@ -57,9 +57,9 @@ pub use histogram::{automatic_transfer_function, background_values};
 pub use label_table::{LabelEntry, LabelTable, LabelTableError};
 pub use mesh::{Mesh, MeshField};
 pub use read::{
-    ENDINGS, Limits, ReadError, ReadOptions, SERIES_ENDINGS, SeriesStep, WriteError, formats_help, is_series_path,
-    is_volume_path, lacks_spacing, raw_file_name, read_dataset, read_series, read_spaced_volume, read_volume,
-    read_volume_within, reads_beside, write_raw, write_volume,
+    ENDINGS, Limits, ReadError, ReadOptions, SERIES_ENDINGS, SeriesStep, WriteError, formats_help, is_dicom,
+    is_series_path, is_volume, is_volume_path, lacks_spacing, raw_file_name, read_dataset, read_series,
+    read_spaced_volume, read_volume, read_volume_within, reads_beside, write_raw, write_volume,
 };
 pub use scalars::{ScalarType, Scalars, ValueRange};
 pub use surfaceness::Surfaceness;

@@ -16,6 +16,7 @@ pub struct Volume {
     variable: Option<String>,
     frame: WorldFrame,
     labels: LabelTable,
+    notes: Vec<String>,
 }
 
 /// The number of values does not match the grid.
@@ -35,7 +36,8 @@ impl Volume {
     /// [`ValueCount`] if the lengths differ.
     pub fn new(grid: Grid, scalars: Scalars, variable: Option<String>) -> Result<Self, ValueCount> {
         if scalars.len() == grid.len() {
-            Ok(Self { grid, scalars, variable, frame: WorldFrame::default(), labels: LabelTable::default() })
+            let (frame, labels) = (WorldFrame::default(), LabelTable::default());
+            Ok(Self { grid, scalars, variable, frame, labels, notes: Vec::new() })
         } else {
             Err(ValueCount { values: scalars.len(), dims: grid.dims() })
         }
@@ -51,6 +53,18 @@ impl Volume {
     #[must_use]
     pub fn with_labels(self, labels: LabelTable) -> Self {
         Self { labels, ..self }
+    }
+
+    /// The same volume with what its reader has to tell a person: a line each.
+    #[must_use]
+    pub(crate) fn with_notes(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
+    }
+
+    /// What a person should know of the file: what was left out or chosen, a line each. No names of people are in them.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The same values with other lengths between voxels, in millimetres along x, y and z: for files without spacing.

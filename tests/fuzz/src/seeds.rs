@@ -61,6 +61,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "legacy-vtk" => [LEGACY_CELLS, LEGACY_OFFSETS, LEGACY_POINTS, LEGACY_GRID].map(Into::into).to_vec(),
         "nifti" => vec![nifti(&voxels()), nifti2(&voxels())],
         "nifti-gzip" => vec![gzip(&nifti(&voxels()))],
+        "dicom" => vec![dicom(2, 3, 2, &voxels()), dicom(4, 3, 1, &voxels())],
         "transfer-function" => vec![TRANSFER.into(), TRANSFER_LOG.into()],
         "camera" => vec![CAMERA.into()],
         "camera-path" => vec![CAMERA_PATH.into()],
@@ -381,6 +382,54 @@ fn nifti(voxels: &[u8]) -> Vec<u8> {
     header[108..112].copy_from_slice(&352_f32.to_le_bytes());
     header[344..348].copy_from_slice(b"n+1\0");
     [&header[..], voxels].concat()
+}
+
+/// A DICOM file of 8-bit frames with places of their own, one millimetre apart.
+fn dicom(columns: u16, rows: u16, frames: u16, voxels: &[u8]) -> Vec<u8> {
+    let element = |tag: [u16; 2], kind: &str, value: &[u8]| {
+        let is_text = !matches!(kind, "US" | "SQ" | "OB");
+        let filler = if is_text { b" " } else { b"\0" };
+        let filled = [value, &filler[..value.len() % 2]].concat();
+        let mut bytes = [tag[0].to_le_bytes(), tag[1].to_le_bytes()].concat();
+        bytes.extend(kind.as_bytes());
+        if matches!(kind, "SQ" | "OB") {
+            bytes.extend([0, 0]);
+            bytes.extend((filled.len() as u32).to_le_bytes());
+        } else {
+            bytes.extend((filled.len() as u16).to_le_bytes());
+        }
+        [bytes, filled].concat()
+    };
+    let item =
+        |content: Vec<u8>| [&[0xFE, 0xFF, 0, 0xE0][..], &(content.len() as u32).to_le_bytes(), &content].concat();
+    let number = |tag: [u16; 2], value: u16| element(tag, "US", &value.to_le_bytes());
+    let plane = item(element([0x0020, 0x0037], "DS", b"1\\0\\0\\0\\1\\0"));
+    let measures = item(element([0x0028, 0x0030], "DS", b"1\\1"));
+    let shared = [element([0x0020, 0x9116], "SQ", &plane), element([0x0028, 0x9110], "SQ", &measures)].concat();
+    let frame = |at: u16| {
+        let place = item(element([0x0020, 0x0032], "DS", format!("0\\0\\{at}").as_bytes()));
+        item(element([0x0020, 0x9113], "SQ", &place))
+    };
+    let places: Vec<u8> = (0..frames).flat_map(frame).collect();
+    [
+        vec![0; 128],
+        b"DICM".to_vec(),
+        element([0x0002, 0x0010], "UI", b"1.2.840.10008.1.2.1"),
+        element([0x0020, 0x000E], "UI", b"1.2.3"),
+        number([0x0028, 0x0002], 1),
+        element([0x0028, 0x0004], "CS", b"MONOCHROME2"),
+        element([0x0028, 0x0008], "IS", frames.to_string().as_bytes()),
+        number([0x0028, 0x0010], rows),
+        number([0x0028, 0x0011], columns),
+        number([0x0028, 0x0100], 8),
+        number([0x0028, 0x0101], 8),
+        number([0x0028, 0x0102], 7),
+        number([0x0028, 0x0103], 0),
+        element([0x5200, 0x9229], "SQ", &item(shared)),
+        element([0x5200, 0x9230], "SQ", &places),
+        element([0x7FE0, 0x0010], "OB", voxels),
+    ]
+    .concat()
 }
 
 fn nifti2(voxels: &[u8]) -> Vec<u8> {

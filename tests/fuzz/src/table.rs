@@ -44,6 +44,7 @@ pub const TARGETS: &[Target] = &[
     target("legacy-vtk", "legacy VTK files", Memory::EXPANDED, 4096, volumes::legacy_vtk),
     target("nifti", "NIfTI-1 and NIfTI-2", Memory::EXPANDED, 2048, volumes::nifti),
     target("nifti-gzip", "compressed NIfTI", Memory::EXPANDED, 2048, volumes::nifti_gzip),
+    target("dicom", "DICOM slices and files of many frames", Memory::EXPANDED, 2048, volumes::dicom),
     target("transfer-function", "transfer functions", Memory::PARTS, 4096, volumes::transfer_function),
     target("camera", "cameras", Memory::PARTS, 2048, scenes::camera),
     target("camera-path", "camera paths", Memory::PARTS, 4096, scenes::camera_path),

@@ -89,6 +89,7 @@ pub(crate) const READERS: [Reader; 32] = [
     reader("vtu", ".vtu", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("legacy vtk", ".vtk", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader("nifti", ".nii", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("dicom", ".dcm", &["fit", "{}", "--initial-only", "--out", "to"]),
     reader(
         "truth volume",
         "_8x8x8_uint8.raw",
@@ -213,6 +214,7 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("vtu", VTU.into()),
         ("legacy vtk", LEGACY_VTK.into()),
         ("nifti", nifti([8, 8, 8], &voxels)),
+        ("dicom", dicom(8, 8, 8, &voxels)),
         ("truth volume", voxels.iter().map(|v| v % 3).collect()),
         ("label names", b"1 255 0 0 1 1 1 \"a\"\n".to_vec()),
         ("launch", b"schema = 1\n[service.scene]\nexec = \"/bin/true\"\n".to_vec()),
@@ -311,4 +313,52 @@ pub(crate) fn nifti(dims: [i16; 3], voxels: &[u8]) -> Vec<u8> {
     header[108..112].copy_from_slice(&352_f32.to_le_bytes());
     header[344..348].copy_from_slice(b"n+1\0");
     [&header[..], voxels].concat()
+}
+
+/// A DICOM file of 8-bit frames with places of their own, one millimetre apart.
+pub(crate) fn dicom(columns: u16, rows: u16, frames: u16, voxels: &[u8]) -> Vec<u8> {
+    let element = |tag: [u16; 2], kind: &str, value: &[u8]| {
+        let is_text = !matches!(kind, "US" | "SQ" | "OB");
+        let filler = if is_text { b" " } else { b"\0" };
+        let filled = [value, &filler[..value.len() % 2]].concat();
+        let mut bytes = [tag[0].to_le_bytes(), tag[1].to_le_bytes()].concat();
+        bytes.extend(kind.as_bytes());
+        if matches!(kind, "SQ" | "OB") {
+            bytes.extend([0, 0]);
+            bytes.extend((filled.len() as u32).to_le_bytes());
+        } else {
+            bytes.extend((filled.len() as u16).to_le_bytes());
+        }
+        [bytes, filled].concat()
+    };
+    let item =
+        |content: Vec<u8>| [&[0xFE, 0xFF, 0, 0xE0][..], &(content.len() as u32).to_le_bytes(), &content].concat();
+    let number = |tag: [u16; 2], value: u16| element(tag, "US", &value.to_le_bytes());
+    let plane = item(element([0x0020, 0x0037], "DS", b"1\\0\\0\\0\\1\\0"));
+    let measures = item(element([0x0028, 0x0030], "DS", b"1\\1"));
+    let shared = [element([0x0020, 0x9116], "SQ", &plane), element([0x0028, 0x9110], "SQ", &measures)].concat();
+    let frame = |at: u16| {
+        let place = item(element([0x0020, 0x0032], "DS", format!("0\\0\\{at}").as_bytes()));
+        item(element([0x0020, 0x9113], "SQ", &place))
+    };
+    let places: Vec<u8> = (0..frames).flat_map(frame).collect();
+    [
+        vec![0; 128],
+        b"DICM".to_vec(),
+        element([0x0002, 0x0010], "UI", b"1.2.840.10008.1.2.1"),
+        element([0x0020, 0x000E], "UI", b"1.2.3"),
+        number([0x0028, 0x0002], 1),
+        element([0x0028, 0x0004], "CS", b"MONOCHROME2"),
+        element([0x0028, 0x0008], "IS", frames.to_string().as_bytes()),
+        number([0x0028, 0x0010], rows),
+        number([0x0028, 0x0011], columns),
+        number([0x0028, 0x0100], 8),
+        number([0x0028, 0x0101], 8),
+        number([0x0028, 0x0102], 7),
+        number([0x0028, 0x0103], 0),
+        element([0x5200, 0x9229], "SQ", &item(shared)),
+        element([0x5200, 0x9230], "SQ", &places),
+        element([0x7FE0, 0x0010], "OB", voxels),
+    ]
+    .concat()
 }

@@ -43,7 +43,7 @@ fn unopenable_files_are_refused_with_one_line() {
         (Path::new("../scene.ply"), Code::InvalidArgument, "without `..`"),
         (&sandbox.path().join("none.ply"), Code::NotFound, "none.ply: No such file"),
         (&pipe, Code::FailedPrecondition, "it is a pipe"),
-        (&sandbox.file("slice.dcm", "DICM"), Code::FailedPrecondition, "DICOM cannot be read; save it as NRRD"),
+        (&sandbox.file("cells.h5", "HDF"), Code::FailedPrecondition, "HDF5 cannot be read; open it in Fiji"),
     ] {
         let fault = refused(path);
         assert!(fault.code == code && fault.message.contains(said), "{fault:?}");
@@ -58,10 +58,10 @@ fn unopenable_files_are_refused_with_one_line() {
 #[test]
 fn a_refused_file_leaves_no_session() {
     let sandbox = Sandbox::new();
-    for (name, said) in [("none.ply", "No such file"), ("slice.dcm", "DICOM cannot be read; save it as NRRD")] {
+    for (name, said) in [("none.ply", "No such file"), ("cells.h5", "HDF5 cannot be read; open it in Fiji")] {
         let path = sandbox.path().join(name);
-        if name == "slice.dcm" {
-            sandbox.file(name, "DICM");
+        if name == "cells.h5" {
+            sandbox.file(name, "HDF");
         }
         let (status, _, errors) = sandbox.run(&["open", &path.display().to_string()]);
         assert!(status == 2 && errors.contains(said), "{status} {errors}");

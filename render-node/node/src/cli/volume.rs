@@ -14,7 +14,7 @@ use sg_scene::appearance::Clip;
 use sg_scene::camera::Camera;
 use sg_scene::model::Scene;
 use sg_volume::{
-    Limits, Marcher, ReadOptions, ScalarField, TransferFunction, WorldFrame, is_volume_path, read_dataset,
+    Dataset, Limits, Marcher, ReadOptions, ScalarField, TransferFunction, WorldFrame, is_volume, read_dataset,
 };
 
 use super::failure::Failure;
@@ -58,8 +58,8 @@ struct VolumeReport<'a> {
 
 /// Whether the command draws a volume.
 pub(super) fn is_asked(picture: &Picture) -> bool {
-    let is_named = picture.transfer_function.is_some() || is_volume_path(&picture.scene);
-    is_named && !Format::is_scene_path(&picture.scene)
+    let is_named = picture.transfer_function.is_some() && !Format::is_scene_path(&picture.scene);
+    is_named || is_volume(&picture.scene)
 }
 
 impl SeenVolume {
@@ -67,9 +67,15 @@ impl SeenVolume {
     pub(super) fn read(picture: &Picture) -> Result<Option<Self>, Failure> {
         let path = &picture.scene;
         if !is_asked(picture) {
-            if picture.step.is_some() || picture.spacing.is_some() || picture.variable.is_some() {
-                let line =
-                    format!("{}: --step, --spacing and --variable are of volumes, and this is a scene", path.display());
+            let given = [
+                picture.step.is_some(),
+                picture.spacing.is_some(),
+                picture.variable.is_some(),
+                picture.series.is_some(),
+            ];
+            if given.contains(&true) {
+                let what = "--step, --spacing, --variable and --series are of volumes, and this is a scene";
+                let line = format!("{}: {what}", path.display());
                 return Err(Failure::input(line));
             }
             return Ok(None);
@@ -79,8 +85,12 @@ impl SeenVolume {
         let spacing = picture.spacing.map(DVec3::from_array);
         let given = picture.transfer_function.as_deref().map(read_transfer_function).transpose()?;
         let preferred = given.as_ref().and_then(|function| function.variable.clone());
-        let options = ReadOptions { spacing, variable: picture.variable.clone(), preferred, limits };
+        let (variable, series) = (picture.variable.clone(), picture.series);
+        let options = ReadOptions { spacing, variable, preferred, series, limits };
         let volume = read_dataset(path, &options).map_err(Failure::input)?;
+        if let Dataset::Volume(volume) = &volume {
+            volume.notes().iter().for_each(|note| print::status(&format!("note: {}: {note}", path.display())));
+        }
         let field = volume.to_field();
         let function = match given {
             Some(given) => given,

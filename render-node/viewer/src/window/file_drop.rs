@@ -7,7 +7,7 @@ use sg_formats::Format;
 use sg_input::unreadable;
 use sg_scene::camera::Camera;
 use sg_scene::view::View;
-use sg_volume::{ENDINGS, is_volume_path};
+use sg_volume::{ENDINGS, is_volume};
 
 /// Ending of a project's file.
 pub(super) const PROJECT: &str = ".sgproj";
@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
     if name.ends_with(PROJECT) {
         return Ok(DroppedFile::Other);
     }
-    let is_volume = is_volume_path(path);
+    let is_volume = is_volume(path);
     let is_scene = Format::is_scene_path(path);
     // A folder without a scene file may hold the slices of another format.
     let is_certain = is_volume || is_scene && (!path.is_dir() || path.join("scene.toml").exists());
@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path, target: DVec3) -> Result<DroppedFile, String> {
         return Ok(DroppedFile::Other);
     }
     Err(format!(
-        "{}: give a scene ({}, or a folder of iVR-GS), a project ({PROJECT}), a volume ({}) or a camera (.json)",
+        "{}: give a scene ({}, or a folder of iVR-GS), a project ({PROJECT}), a volume ({}, or a folder of DICOM slices) or a camera (.json)",
         path.display(),
         Format::all_extensions().join(", "),
         ENDINGS.join(", ")
@@ -100,9 +100,10 @@ mod tests {
         let slice = folder.path().join("IM0001");
         std::fs::write(&slice, [vec![0; 128], b"DICM".to_vec()].concat()).unwrap();
         for path in [&slice, folder.path(), Path::new("slice.dcm")] {
-            let said = read(path, DVec3::ZERO).unwrap_err();
-            assert!(said.ends_with("DICOM cannot be read; save it as NRRD from 3D Slicer"), "{said}");
+            assert_eq!(read(path, DVec3::ZERO), Ok(DroppedFile::Other), "{}", path.display());
         }
+        let said = read(Path::new("cells.h5"), DVec3::ZERO).unwrap_err();
+        assert!(said.contains("HDF5 cannot be read; "), "{said}");
         for name in ["notes.pdf", "nrrd", "no-such-folder"] {
             let said = read(Path::new(name), DVec3::ZERO).unwrap_err();
             assert!(

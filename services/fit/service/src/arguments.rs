@@ -74,6 +74,10 @@ pub(crate) struct FitArgs {
     /// transfer function, or the first one.
     #[arg(long, value_name = "NAME")]
     pub(crate) variable: Option<String>,
+    /// Series to take, of a folder of DICOM slices with several: its number from 1, as a note tells it. Default: that of the named
+    /// file, or the largest one.
+    #[arg(long, value_name = "N")]
+    pub(crate) series: Option<usize>,
     /// JSON file for the report.
     #[arg(long, value_name = "R.json")]
     pub(crate) report: Option<PathBuf>,
@@ -134,6 +138,7 @@ impl FitArgs {
             spacing: self.spacing,
             variable: self.variable.clone(),
             preferred: given.and_then(|function| function.variable.clone()),
+            series: self.series,
             limits: Limits::default(),
         }
     }
@@ -142,7 +147,8 @@ impl FitArgs {
 fn volume_help() -> String {
     let series = SERIES_ENDINGS.map(|ending| format!("*{ending}")).join(", ");
     format!(
-        "The volume, or all time steps of a series in their order. {series} name the steps of one. Formats: {}",
+        "The volume, or all time steps of a series in their order. {series} name the steps of one. A folder of DICOM slices is one \
+         volume. Formats: {}",
         formats_help()
     )
 }

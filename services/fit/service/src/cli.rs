@@ -45,6 +45,7 @@ const EXAMPLE: &str = "Examples:
   supergaussian fit brain.nrrd --labels labels.nrrd --label-units --initial-only --out brain
   supergaussian fit flow_0.vti flow_1.vti flow_2.vti --seconds 30 --out flow
   supergaussian fit flow.pvd --variable pressure --out flow
+  supergaussian fit ct/slices --initial-only --out head
 
 Ctrl-C ends a training in good order: the best scene so far is written, and a line says how it goes on.";
 

@@ -72,9 +72,15 @@ impl MeshReport {
     }
 }
 
-/// Tells of tetrahedra that a mesh has lost.
+/// Tells of tetrahedra that a mesh has lost, and what the reader of voxels has to tell.
 pub(crate) fn note_left_out(path: &Path, volume: &Dataset) {
-    let Dataset::Mesh(mesh) = volume else { return };
+    let mesh = match volume {
+        Dataset::Mesh(mesh) => mesh,
+        Dataset::Volume(volume) => {
+            volume.notes().iter().for_each(|note| print_line(&format!("note: {}: {note}", path.display())));
+            return;
+        }
+    };
     let lost = mesh.left_out();
     if lost.flat + lost.non_finite > 0 {
         print_line(&format!(

@@ -18,10 +18,12 @@ pub(super) trait VolumeFormat {
     const NAME: &'static str;
     /// Endings of file names with their dot, in lower case.
     const ENDINGS: &'static [&'static str];
-    /// Whether a file may name another one with its voxels.
+    /// Whether voxels may lie in other files beside it.
     const READS_BESIDE: bool = false;
     /// Whether a file can hold several quantities with names.
     const HAS_VARIABLES: bool = false;
+    /// Whether a folder can hold several series.
+    const HAS_SERIES: bool = false;
 
     /// Whether a file is of this format although its name has no known ending. `name` is the file name in lower case;
     /// `first` holds the first bytes of the file, at most [`SNIFFED_BYTES`].
@@ -46,6 +48,7 @@ pub struct Format {
     endings: &'static [&'static str],
     reads_beside: bool,
     has_variables: bool,
+    has_series: bool,
     sniff: fn(&str, &[u8]) -> bool,
     read: fn(Source<'_>) -> Result<Dataset, ReadError>,
     write: fn(&Path, &Volume, &mut dyn Write) -> Result<(), WriteError>,
@@ -56,8 +59,8 @@ impl Format {
     pub(super) const fn of<F: VolumeFormat>() -> Self {
         let (name, endings, reads_beside) = (F::NAME, F::ENDINGS, F::READS_BESIDE);
         let read = |source: Source<'_>| F::read(source).map(Into::into);
-        let has_variables = F::HAS_VARIABLES;
-        Self { name, endings, reads_beside, has_variables, sniff: F::sniff, read, write: F::write }
+        let (has_variables, has_series) = (F::HAS_VARIABLES, F::HAS_SERIES);
+        Self { name, endings, reads_beside, has_variables, has_series, sniff: F::sniff, read, write: F::write }
     }
 
     /// Name of the format.
@@ -72,7 +75,7 @@ impl Format {
         self.endings
     }
 
-    /// Whether a file may name another one with its voxels.
+    /// Whether voxels may lie in other files beside it.
     pub(super) const fn reads_beside(&self) -> bool {
         self.reads_beside
     }
@@ -80,6 +83,11 @@ impl Format {
     /// Whether a file can hold several quantities with names.
     pub(super) const fn has_variables(&self) -> bool {
         self.has_variables
+    }
+
+    /// Whether a folder can hold several series.
+    pub(super) const fn has_series(&self) -> bool {
+        self.has_series
     }
 
     /// Whether a file name in lower case has an ending of this format.

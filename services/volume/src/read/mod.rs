@@ -6,6 +6,7 @@
 //! compressed data grows only with the decoded bytes, up to [`sg_input::limits::expanded`].
 
 mod decode;
+mod dicom;
 mod error;
 mod format;
 mod legacy_vtk;
@@ -33,6 +34,7 @@ use format::SNIFFED_BYTES;
 use sg_input::{file, unreadable};
 use source::Source;
 
+pub use dicom::is_dicom;
 pub use error::{ActualSize, ReadError, WriteError};
 pub use format::Format;
 pub use raw::{raw_file_name, write_raw};
@@ -48,6 +50,7 @@ pub const FORMATS: &[Format] = &[
     Format::of::<nifti::Nifti>(),
     Format::of::<vtu::VtkUnstructuredGrid>(),
     Format::of::<legacy_vtk::LegacyVtk>(),
+    Format::of::<dicom::Dicom>(),
 ];
 
 /// Endings of the file names that [`read_dataset`] reads, in lower case.
@@ -92,12 +95,15 @@ pub struct ReadOptions {
     pub variable: Option<String>,
     /// The quantity to read without [`Self::variable`], if the file has it.
     pub preferred: Option<String>,
+    /// The series to read of a folder with several: its number from 1, as a note tells it. Default: that of the named file, or the
+    /// one with most voxels.
+    pub series: Option<usize>,
     /// Limits on what the file may take.
     pub limits: Limits,
 }
 
 /// Reads a data set. The ending of the name selects the format (see [`FORMATS`]). Without a known ending, the first bytes
-/// select it. Spacing, origin and orientation keep the file's world frame and length unit.
+/// select it. A folder of DICOM slices is one data set. Spacing, origin and orientation keep the file's world frame and length unit.
 ///
 /// # Errors
 /// [`ReadError`]: one line with the file, the place in it and a remedy. Also if a spacing is given for a file with its own, or
@@ -108,13 +114,17 @@ pub fn read_dataset(path: &Path, options: &ReadOptions) -> Result<Dataset, ReadE
         limits: options.limits,
         variable: options.variable.as_deref(),
         preferred: options.preferred.as_deref(),
+        series: options.series,
     };
     if options.spacing.is_some() && !lacks_spacing(path) {
         let what = "a given spacing is for raw volumes, and this format stores its own";
         return Err(source.format("spacing", what, "leave it out"));
     }
     let name = lower_case_name(path);
-    let format = match FORMATS.iter().find(|f| f.has_ending(&name)) {
+    // The slices of a series make the only folder that is a volume.
+    let is_series = path.is_dir() && is_dicom(path);
+    let by_name = FORMATS.iter().find(|f| if is_series { f.has_series() } else { f.has_ending(&name) });
+    let format = match by_name {
         Some(format) => Some(format),
         None => {
             let first = file::read_start(path, SNIFFED_BYTES).map_err(|e| source.io(e))?;
@@ -131,6 +141,10 @@ pub fn read_dataset(path: &Path, options: &ReadOptions) -> Result<Dataset, ReadE
     if source.variable.is_some() && !format.has_variables() {
         let what = format!("a {} file holds one quantity", format.name());
         return Err(source.format("quantity", what, "leave its name out"));
+    }
+    if source.series.is_some() && !format.has_series() {
+        let what = format!("a {} file holds one series", format.name());
+        return Err(source.format("--series", what, "leave it out"));
     }
     let read = format.read(source)?;
     match (read, options.spacing) {
@@ -159,7 +173,7 @@ pub fn read_spaced_volume(path: &Path, spacing: Option<DVec3>, limits: Limits) -
     match read_dataset(path, &ReadOptions { spacing, limits, ..ReadOptions::default() })? {
         Dataset::Volume(volume) => Ok(volume),
         Dataset::Mesh(_) => {
-            let source = Source { path, limits, variable: None, preferred: None };
+            let source = Source { path, limits, variable: None, preferred: None, series: None };
             Err(source.format("content", "a mesh, where voxels are needed", "resample it to an image in ParaView"))
         }
     }
@@ -180,6 +194,17 @@ pub fn is_volume_path(path: &Path) -> bool {
     FORMATS.iter().any(|format| format.has_ending(&name))
 }
 
+/// Whether a path is a volume: a file by the ending of its name, or DICOM slices by their content, in a folder too. A folder with
+/// a scene file is a scene.
+#[must_use]
+pub fn is_volume(path: &Path) -> bool {
+    if path.is_dir() {
+        !path.join("scene.toml").exists() && is_dicom(path)
+    } else {
+        is_volume_path(path) || is_dicom(path)
+    }
+}
+
 /// Whether the name of a volume selects a format without spacing: raw voxels. [`Volume::with_spacing`] gives them one.
 #[must_use]
 pub fn lacks_spacing(path: &Path) -> bool {
@@ -187,11 +212,12 @@ pub fn lacks_spacing(path: &Path) -> bool {
     Format::of::<raw::Raw>().has_ending(&name)
 }
 
-/// Whether the name of a volume selects a format whose files may name another one with their voxels: NRRD and MetaImage headers.
+/// Whether the voxels of a volume may lie in files beside it: NRRD and MetaImage headers by their names, and DICOM slices.
 #[must_use]
 pub fn reads_beside(path: &Path) -> bool {
     let name = lower_case_name(path);
-    FORMATS.iter().any(|format| format.reads_beside() && format.has_ending(&name))
+    let by_name = FORMATS.iter().any(|format| format.reads_beside() && format.has_ending(&name));
+    by_name || !path.is_dir() && is_dicom(path)
 }
 
 /// Writes a volume in the format that the name of `path` selects. Only raw files can be written: plain, little endian,

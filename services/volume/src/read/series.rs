@@ -44,8 +44,13 @@ pub fn is_series_path(path: &Path) -> bool {
 /// [`ReadError`]: one line with the file, the place in it and a remedy. Also for a time twice (parts of one step), more than
 /// [`MAX_STEPS`], and a name that leads out of the folder of the series.
 pub fn read_series(path: &Path) -> Result<Vec<SeriesStep>, ReadError> {
-    let source =
-        Source { path, limits: Limits { own_folder: true, ..Limits::default() }, variable: None, preferred: None };
+    let source = Source {
+        path,
+        limits: Limits { own_folder: true, ..Limits::default() },
+        variable: None,
+        preferred: None,
+        series: None,
+    };
     let text = file::read_text(path, limits::TEXT_BYTES).map_err(|e| source.io(e))?;
     let named = if lower_case_name(path).ends_with(".pvd") { collection(source, &text)? } else { list(source, &text)? };
     if named.is_empty() {

@@ -34,6 +34,8 @@ pub(super) struct Source<'a> {
     pub(super) variable: Option<&'a str>,
     /// The quantity to read without that, if the file has it.
     pub(super) preferred: Option<&'a str>,
+    /// Number from 1 of the series to read, of a folder that holds several.
+    pub(super) series: Option<usize>,
 }
 
 impl Source<'_> {

@@ -63,6 +63,10 @@ pub(crate) fn nifti_gzip(stage: &Stage, input: &[u8]) -> bool {
     volume(&stage.write("in.nii.gz", input))
 }
 
+pub(crate) fn dicom(stage: &Stage, input: &[u8]) -> bool {
+    volume(&stage.write("in.dcm", input))
+}
+
 fn volume(path: &Path) -> bool {
     let data = match read_dataset(path, &ReadOptions::default()) {
         Ok(data) => data,

@@ -6,6 +6,7 @@ mod label_units;
 mod meshes;
 mod refusals;
 mod series;
+mod slices;
 mod training;
 mod volumes;
 

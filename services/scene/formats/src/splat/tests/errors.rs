@@ -223,5 +223,8 @@ fn well_known_formats_without_a_reader_get_a_way() {
     std::fs::create_dir(&slices).unwrap();
     std::fs::write(slices.join("1"), [&[0; 128][..], b"DICM"].concat()).unwrap();
     let said = load(&slices, &LoadOptions::default()).unwrap_err().to_string();
-    assert!(said.contains("folder: DICOM cannot be read; save it as NRRD"), "{said}");
+    assert!(
+        said.contains("folder: DICOM as a scene cannot be read; make a scene of it with `supergaussian fit`"),
+        "{said}"
+    );
 }
