@@ -31,7 +31,7 @@ const fn reader(name: &'static str, ending: &'static str, words: &'static [&'sta
 }
 
 /// Every reader.
-pub(crate) const READERS: [Reader; 32] = [
+pub(crate) const READERS: [Reader; 33] = [
     reader("ply", ".ply", &["scene", "info", "{}"]),
     reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
     reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
