@@ -488,9 +488,11 @@ const MAP: [(&str, &str, &[&str]); 39] = [
         &[
             "sg-clusters",
             "sg-edit",
+            "sg-encoders",
             "sg-formats",
             "sg-input",
             "sg-language",
+            "sg-llm",
             "sg-piper",
             "sg-proto",
             "sg-reclassify",
@@ -502,8 +504,10 @@ const MAP: [(&str, &str, &[&str]); 39] = [
             "sg-walk",
             "sg-whisper",
             "supergaussian",
+            "supergaussian-labeling",
             "supergaussian-scene",
             "supergaussian-selection",
+            "supergaussian-speech",
         ],
     ),
 ];
