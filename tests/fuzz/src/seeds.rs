@@ -38,6 +38,7 @@ use crate::targets::arrays::LENGTH;
 use crate::targets::edits;
 use crate::targets::encoders;
 use crate::targets::messages::message_input;
+use crate::targets::sounds;
 
 /// Gaussians of the seeds.
 const GAUSSIANS: usize = 3;
@@ -89,6 +90,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             vec![include_bytes!("../../../services/speech/whisper/tests/fixtures/ctranslate2/model.bin").to_vec()]
         }
         "piper-voice" => vec![include_bytes!("../../../services/speech/piper/tests/fixtures/made.onnx").to_vec()],
+        "speech-text" => (0..).zip(sounds::TEXTS).map(|(at, (_, text))| [&[at][..], text].concat()).collect(),
         "encoder-text" => of_models(&encoders::TEXTS),
         "encoder-weights" => of_models(&encoders::WEIGHTS),
         "query-picture" => pictures(),

@@ -110,6 +110,13 @@ pub const TARGETS: &[Target] = &[
         sounds::piper_voice,
     ),
     target(
+        "speech-text",
+        "configurations and tokenizers of models of speech, and descriptions of voices",
+        Memory { free: 256 << 20, each: 4096 },
+        16_384,
+        sounds::speech_text,
+    ),
+    target(
         "encoder-text",
         "configurations and tokenizers of encoders",
         Memory { free: 32 << 20, each: 4096 },
