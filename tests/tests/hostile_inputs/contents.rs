@@ -292,7 +292,7 @@ fn is_json(reader: &Reader) -> bool {
 
 fn texts() -> Vec<Case> {
     let mut cases = Vec::new();
-    for reader in READERS.into_iter().filter(|r| is_json(r)) {
+    for reader in READERS.into_iter().filter(is_json) {
         for (name, text) in [
             ("deep lists", "[".repeat(200_000)),
             ("deep tables", "{\"a\":".repeat(100_000)),
