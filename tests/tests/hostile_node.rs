@@ -10,7 +10,9 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use prost::Message as _;
-use prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind as FieldKind, Value as Field};
+use prost_reflect::{
+    DescriptorPool, DynamicMessage, FieldDescriptor, Kind as FieldKind, MessageDescriptor, Value as Field,
+};
 use serde_json::Value;
 use sg_proto::bus::{Code, ContentReply, Envelope, Health, Ready};
 use sg_proto::keys::{self, Kind, role, rows};
@@ -161,7 +163,6 @@ fn within(milliseconds: u64) -> Context {
 
 /// What a forger writes into a field: names of others, a file of the home machine, the largest numbers.
 fn forged_values(field: &FieldDescriptor, names: &[String]) -> Vec<Field> {
-    let one = |value: Field| if field.is_list() { Field::List(vec![value]) } else { value };
     let values: Vec<Field> = match field.kind() {
         _ if field.is_map() => Vec::new(),
         FieldKind::String => names.iter().cloned().map(Field::String).collect(),
@@ -174,12 +175,53 @@ fn forged_values(field: &FieldDescriptor, names: &[String]) -> Vec<Field> {
         FieldKind::Uint32 | FieldKind::Fixed32 => vec![Field::U32(u32::MAX)],
         FieldKind::Uint64 | FieldKind::Fixed64 => vec![Field::U64(u64::MAX), Field::U64(1 << 63)],
         FieldKind::Enum(kind) => kind.values().map(|v| Field::EnumNumber(v.number())).collect(),
-        FieldKind::Message(kind) => vec![Field::Message(DynamicMessage::new(kind))],
+        FieldKind::Message(kind) => {
+            let within = NESTED.map(|number| forged_whole(&kind, names, number, DEPTH));
+            [DynamicMessage::new(kind)].into_iter().chain(within).map(Field::Message).collect()
+        }
     };
-    values.into_iter().map(one).collect()
+    values.into_iter().map(|value| as_field(field, value)).collect()
 }
 
-/// A message with each field forged in turn, and two with all fields forged.
+/// A value as a field takes it.
+fn as_field(field: &FieldDescriptor, value: Field) -> Field {
+    if field.is_list() { Field::List(vec![value]) } else { value }
+}
+
+/// Messages within messages that are forged: as many levels.
+const DEPTH: usize = 3;
+/// Their values: places in the list of names. A role at home, an agent, a file of the home machine, an instance at home.
+const NESTED: [usize; 4] = [2, 3, 4, 7];
+
+/// A message with all fields forged, and so are those of the messages in it. `number` chooses the value of each field, and
+/// of each choice the field.
+fn forged_whole(kind: &MessageDescriptor, names: &[String], number: usize, depth: usize) -> DynamicMessage {
+    let mut message = DynamicMessage::new(kind.clone());
+    for field in kind.fields() {
+        if let Some(choice) = field.containing_oneof() {
+            let members: Vec<FieldDescriptor> = choice.fields().collect();
+            if members.get(number % members.len()) != Some(&field) {
+                continue;
+            }
+        }
+        let value = match field.kind() {
+            FieldKind::Message(inner) if !field.is_map() => {
+                (depth > 0).then(|| as_field(&field, Field::Message(forged_whole(&inner, names, number, depth - 1))))
+            }
+            FieldKind::Message(_) => None,
+            _ => {
+                let values = forged_values(&field, names);
+                values.get(number % values.len()).cloned()
+            }
+        };
+        if let Some(value) = value {
+            message.set_field(&field, value);
+        }
+    }
+    message
+}
+
+/// A message with each field forged in turn, those of messages in it together, and two messages with all fields forged.
 fn forged_messages(pool: &DescriptorPool, name: &str, names: &[String]) -> Vec<Vec<u8>> {
     let kind = pool.get_message_by_name(name).unwrap();
     let mut all = vec![Vec::new(), vec![0xff; 64]];
@@ -247,7 +289,7 @@ async fn forge_everything(hostile: &Hostile, names: &[String]) -> usize {
             let payloads = if own { payloads.as_slice() } else { payloads.get(..3).unwrap_or_default() };
             envelopes.truncate(if own { usize::MAX } else { 2 });
             let roles: Vec<&str> = match row.role {
-                keys::ANY => vec![role::SCENE, role::SELECTION, role::SUPERVISOR, AWAY],
+                keys::ANY => role::ALL.to_vec(),
                 role => vec![role],
             };
             let own_instance = if *truth == role::NODE { keys::node_instance("gpu1") } else { INSTANCE.to_owned() };

@@ -14,6 +14,7 @@ use sg_proto::keys::role;
 use sg_runtime::bus::Bus;
 use sg_runtime::context::Context;
 use sg_runtime::session::{self, SessionDir};
+use sg_stack::StackError;
 use sg_stack::console::Verbosity;
 use sg_stack::file::ExecutableSearch;
 use sg_stack::reconcile::Outcome;
@@ -100,6 +101,7 @@ pub(crate) async fn demo(arguments: DemoArgs, session_name: Option<&str>) -> Com
         None => None,
     };
     let session = SessionDir::named(session_name.unwrap_or(&format!("{SESSION}{}", std::process::id())))?;
+    must_not_run(&session)?;
     let steps_of = |files: &Shipped| match &own_steps {
         Some(steps) => Ok(steps.clone()),
         None if arguments.script.is_some() => read_script(&files.generic),
@@ -219,6 +221,15 @@ async fn play(session: &SessionDir, scene: Scene, steps: Vec<Step>, settings: Se
     let summary = Summary::gather(&bus, player, transcript, &scene, start_seconds).await?;
     bus.close().await;
     Ok(summary)
+}
+
+/// Refuses a session that runs, while nothing is written yet. Later the supervisor's lock would refuse it too.
+fn must_not_run(session: &SessionDir) -> Result<(), Failure> {
+    if !session.is_running() {
+        return Ok(());
+    }
+    let pid = file::read_text(&session.lock_file(), SMALL_TEXT_BYTES).unwrap_or_default().trim().to_owned();
+    Err(StackError::SessionRuns { session: session.name().to_owned(), pid }.into())
 }
 
 /// Removes the sessions of killed and failed demos, because their pictures are large.

@@ -36,7 +36,9 @@ use supergaussian_scene::project::Project;
 use crate::parts::block;
 use crate::targets::arrays::LENGTH;
 use crate::targets::edits;
+use crate::targets::encoders;
 use crate::targets::messages::message_input;
+use crate::targets::sounds;
 
 /// Gaussians of the seeds.
 const GAUSSIANS: usize = 3;
@@ -89,9 +91,67 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             vec![include_bytes!("../../../services/speech/whisper/tests/fixtures/ctranslate2/model.bin").to_vec()]
         }
         "piper-voice" => vec![include_bytes!("../../../services/speech/piper/tests/fixtures/made.onnx").to_vec()],
+        "speech-text" => (0..).zip(sounds::TEXTS).map(|(at, (_, text))| [&[at][..], text].concat()).collect(),
+        "encoder-text" => of_models(&encoders::TEXTS),
+        "encoder-weights" => of_models(&encoders::WEIGHTS),
+        "query-picture" => pictures(),
+        "stored-embedding" => vec![embedding(&[0.5, -2.0, 0.25]), embedding(&[1.0])],
+        "chat-completion" => COMPLETIONS.map(Into::into).to_vec(),
+        "transcription" => TRANSCRIPTIONS.map(Into::into).to_vec(),
         _ => Vec::new(),
     }
 }
+
+/// A right file for each choice, after the byte that chooses it.
+fn of_models(choices: &[(encoders::Model, bool, &str)]) -> Vec<Vec<u8>> {
+    let file = |(at, (model, _, name)): (usize, &(encoders::Model, bool, &str))| {
+        let (_, bytes) = model.iter().find(|(known, _)| known == name).unwrap();
+        [&[at as u8], *bytes].concat()
+    };
+    choices.iter().enumerate().map(file).collect()
+}
+
+/// 3 × 2 pixels of RGB, and as many of a palette with opacities.
+fn pictures() -> Vec<Vec<u8>> {
+    let chunk = |kind: &[u8; 4], data: &[u8]| {
+        let content = [&kind[..], data].concat();
+        let mut check = flate2::Crc::new();
+        check.update(&content);
+        [&(data.len() as u32).to_be_bytes()[..], &content, &check.sum().to_be_bytes()].concat()
+    };
+    let picture = |color: u8, rows: &[u8], palette: Vec<u8>| {
+        let header = [0, 0, 0, 3, 0, 0, 0, 2, 8, color, 0, 0, 0];
+        [
+            b"\x89PNG\r\n\x1a\n".to_vec(),
+            chunk(b"IHDR", &header),
+            palette,
+            chunk(b"IDAT", &zlib(rows)),
+            chunk(b"IEND", &[]),
+        ]
+        .concat()
+    };
+    let palette = [chunk(b"PLTE", &[9, 8, 7, 60, 50, 40]), chunk(b"tRNS", &[0, 128])].concat();
+    vec![
+        picture(2, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1], Vec::new()),
+        picture(3, &[0, 0, 1, 0, 0, 1, 1, 0], palette),
+    ]
+}
+
+/// A stored embedding of five pictures. The target adds the checksum.
+fn embedding(values: &[f32]) -> Vec<u8> {
+    let values: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    [&b"SGEMBED1"[..], &5_u32.to_le_bytes()[..], &values].concat()
+}
+
+const COMPLETIONS: [&str; 2] = [
+    r#"{"model":"m-1","choices":[{"finish_reason":"stop","message":{"role":"assistant","content":"hello"}}],"usage":{"prompt_tokens":5,"completion_tokens":2}}"#,
+    r#"{"choices":[{"message":{"content":"{\"unit\": \"sac\"}","refusal":null}}]}"#,
+];
+const TRANSCRIPTIONS: [&str; 3] = [
+    r#"{"text":"hide the sac"}"#,
+    r#"{"text":"hide","segments":[{"avg_logprob":-0.2,"no_speech_prob":0.01},{"avg_logprob":-1.5,"no_speech_prob":0.9}]}"#,
+    r#"{"text":"hide","logprobs":[{"token":"hide","logprob":-0.1}]}"#,
+];
 
 /// The file that `write` makes under this name in an empty folder.
 fn file(name: &str, write: impl FnOnce(&Path)) -> Vec<u8> {

@@ -2,7 +2,9 @@
 
 use crate::stage::Stage;
 use crate::target::{Memory, Target};
-use crate::targets::{arrays, clusters, edits, language, messages, projects, scenes, sounds, texts, volumes};
+use crate::targets::{
+    arrays, clusters, edits, encoders, endpoints, language, messages, projects, scenes, sounds, texts, volumes,
+};
 
 const fn target(
     name: &'static str,
@@ -108,6 +110,38 @@ pub const TARGETS: &[Target] = &[
         65_536,
         sounds::piper_voice,
     ),
+    target(
+        "speech-text",
+        "configurations and tokenizers of models of speech, and descriptions of voices",
+        Memory { free: 256 << 20, each: 4096 },
+        16_384,
+        sounds::speech_text,
+    ),
+    target(
+        "encoder-text",
+        "configurations and tokenizers of encoders",
+        Memory { free: 32 << 20, each: 4096 },
+        4096,
+        encoders::encoder_text,
+    ),
+    target(
+        "encoder-weights",
+        "weights of encoders in safetensors files",
+        Memory { free: 32 << 20, each: 64 },
+        65_536,
+        encoders::encoder_weights,
+    ),
+    target(
+        "query-picture",
+        "pictures of queries in PNG files",
+        // 4096 × 4096 pixels of four bytes, and then of three.
+        Memory { free: 160 << 20, each: 64 },
+        2048,
+        encoders::query_picture,
+    ),
+    target("stored-embedding", "stored embeddings", Memory::NUMBERS, 2048, encoders::stored_embedding),
+    target("chat-completion", "answers of servers of language models", Memory::PARTS, 2048, endpoints::chat_completion),
+    target("transcription", "answers of servers of speech", Memory::PARTS, 2048, endpoints::transcription),
 ];
 
 /// The target of this name.

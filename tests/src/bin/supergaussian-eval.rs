@@ -8,6 +8,8 @@ use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
 use sg_clusters::clustering::Level;
+use sg_formats::staged_file;
+use sg_input::print;
 use sg_tests::eval::{EvalError, Options, ablation, language, one_stroke, peers, plots, report, spoken};
 
 /// Evaluation tables: the worth of the choices behind a result, on scenes whose truth is known
@@ -196,28 +198,83 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            print::status(&format!("error: {error}"));
             let wrong = matches!(error, EvalError::Data { .. } | EvalError::Shape(_));
             ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
 }
 
+/// The folder of a command's files. It is made before the work, so that the work is not done in vain. If the work fails before
+/// anything is written, the folders that were made go again.
+struct Output<'a> {
+    folder: &'a Path,
+    /// The folders that were made, the innermost first.
+    made: Vec<&'a Path>,
+}
+
+impl<'a> Output<'a> {
+    /// Refuses a folder in which something else has one of these names, and makes the folder.
+    fn open(folder: &'a Path, names: &[&str]) -> Result<Self, EvalError> {
+        let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+        let refused =
+            |e: staged_file::OutputError| EvalError::Data { path: e.path.display().to_string(), why: e.reason };
+        staged_file::check_outputs(files.iter().map(PathBuf::as_path), []).map_err(refused)?;
+        let is_absent = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let output = Self { folder, made: folder.ancestors().take_while(is_absent).collect() };
+        std::fs::create_dir_all(folder).map_err(written(folder))?;
+        Ok(output)
+    }
+
+    /// Writes a file, whole or not at all.
+    fn write(&self, name: &str, text: &str) -> Result<(), EvalError> {
+        let path = self.folder.join(name);
+        staged_file::replace(&path, text.as_bytes()).map_err(written(&path))
+    }
+}
+
+impl Drop for Output<'_> {
+    fn drop(&mut self) {
+        // The system removes no folder that holds something.
+        for folder in &self.made {
+            if std::fs::remove_dir(folder).is_err() {
+                break;
+            }
+        }
+    }
+}
+
+/// The error of writing to a path.
+fn written(path: &Path) -> impl Fn(std::io::Error) -> EvalError {
+    let path = path.display().to_string();
+    move |source| EvalError::Write { path: path.clone(), source }
+}
+
+/// Refuses measured data that are not there, before the work.
+fn must_be_folder(data: Option<&Path>) -> Result<(), EvalError> {
+    match data.filter(|folder| !folder.is_dir()) {
+        Some(folder) => Err(EvalError::Data { path: folder.display().to_string(), why: "no such folder".to_owned() }),
+        None => Ok(()),
+    }
+}
+
 fn peer(arguments: &Peer) -> Result<(), EvalError> {
     let wrong = |why: String| EvalError::Data { path: arguments.out.display().to_string(), why };
-    std::fs::create_dir_all(&arguments.out).map_err(|e| wrong(e.to_string()))?;
+    let output =
+        Output::open(&arguments.out, &["labels.npy", "position.npy", "features.npy", "seeds.npy", "cell.npy"])?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build();
     let pool = pool.map_err(|e| wrong(e.to_string()))?;
     let print = |report: serde_json::Result<String>| println!("{}", report.unwrap_or_default());
     let subject = pool.install(|| peers::scene(&arguments.shape, arguments.gaussians, 1))?;
+    let folder = output.folder;
     let level = if arguments.fast { Level::Fast } else { Level::Exact };
     match (arguments.what, arguments.again) {
         (Timed::Walks, _) => {
-            print(serde_json::to_string(&pool.install(|| peers::walk_times(&subject, &arguments.out, 51))?));
+            print(serde_json::to_string(&pool.install(|| peers::walk_times(&subject, folder, 51))?));
         }
         (Timed::Clusters, None) => {
             let export = !arguments.no_arrays;
-            let times = pool.install(|| peers::cluster_times(&subject, level, &arguments.out, export))?;
+            let times = pool.install(|| peers::cluster_times(&subject, level, folder, export))?;
             print(serde_json::to_string(&times));
         }
         (Timed::Clusters, Some(scenes)) => {
@@ -225,8 +282,8 @@ fn peer(arguments: &Peer) -> Result<(), EvalError> {
             for number in 0..scenes {
                 pool.install(|| {
                     let subject = peers::scene(&arguments.shape, arguments.gaussians, number as u64)?;
-                    peers::cluster_times(&subject, level, &arguments.out, false)?;
-                    peers::walk_times(&subject, &arguments.out, 1)
+                    peers::cluster_times(&subject, level, folder, false)?;
+                    peers::walk_times(&subject, folder, 1)
                 })?;
                 println!("{}", serde_json::json!({"scene": number, "resident_bytes": peers::memory("VmRSS:")}));
             }
@@ -236,11 +293,7 @@ fn peer(arguments: &Peer) -> Result<(), EvalError> {
 }
 
 fn language(arguments: &Language) -> Result<(), EvalError> {
-    let write = |path: &Path| {
-        let path = path.display().to_string();
-        move |source| EvalError::Write { path, source }
-    };
-    std::fs::create_dir_all(&arguments.out).map_err(write(&arguments.out))?;
+    let output = Output::open(&arguments.out, &["language.json", "language.md"])?;
     let tell = |line: &str| eprintln!("eval language: {line}");
     let options = language::Options {
         sets: arguments.sets.clone(),
@@ -250,20 +303,14 @@ fn language(arguments: &Language) -> Result<(), EvalError> {
     let measured = language::run(&options, &tell)?;
     let table = language::markdown(&measured);
     let json = serde_json::to_string_pretty(&measured).unwrap_or_default() + "\n";
-    for (name, text) in [("language.json", &json), ("language.md", &table)] {
-        let path = arguments.out.join(name);
-        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(write(&path))?;
-    }
+    output.write("language.json", &json)?;
+    output.write("language.md", &table)?;
     print!("{table}");
     tell(&format!("written to {}", arguments.out.display()));
     Ok(())
 }
 
 fn speech(arguments: &Speech) -> Result<(), EvalError> {
-    let write = |path: &Path| {
-        let path = path.display().to_string();
-        move |source| EvalError::Write { path, source }
-    };
     let decibels = |text: &String| match text.as_str() {
         "clean" => Ok(None),
         number => number.parse::<f64>().ok().filter(|db| db.is_finite()).map(Some).ok_or_else(|| EvalError::Data {
@@ -272,7 +319,7 @@ fn speech(arguments: &Speech) -> Result<(), EvalError> {
         }),
     };
     let noise = arguments.noise.iter().map(decibels).collect::<Result<Vec<_>, _>>()?;
-    let executable = std::env::current_exe().map_err(write(Path::new("supergaussian-eval")))?;
+    let executable = std::env::current_exe().map_err(written(Path::new("supergaussian-eval")))?;
     let options = spoken::Options {
         recognizers: arguments.recognizers.clone(),
         voices: arguments.voices.clone(),
@@ -282,26 +329,20 @@ fn speech(arguments: &Speech) -> Result<(), EvalError> {
         model: arguments.model.clone(),
         executable: executable.with_file_name("supergaussian-speech"),
     };
-    std::fs::create_dir_all(&arguments.out).map_err(write(&arguments.out))?;
+    let output = Output::open(&arguments.out, &["speech.json", "speech.md"])?;
     let start = Instant::now();
     let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
     let rows = spoken::run(&options, &tell)?;
     let table = spoken::markdown(&rows);
     let json = serde_json::to_string_pretty(&rows).unwrap_or_default() + "\n";
-    for (name, text) in [("speech.json", &json), ("speech.md", &table)] {
-        let path = arguments.out.join(name);
-        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(write(&path))?;
-    }
+    output.write("speech.json", &json)?;
+    output.write("speech.md", &table)?;
     print!("{table}");
     tell(&format!("written to {}", arguments.out.display()));
     Ok(())
 }
 
 fn one_stroke(arguments: &OneStroke) -> Result<(), EvalError> {
-    let wrong = |path: &Path| {
-        let path = path.display().to_string();
-        move |source| EvalError::Write { path, source }
-    };
     let options = one_stroke::Options {
         tuning: arguments.tuning,
         gaussians: if arguments.quick { 4000 } else { arguments.gaussians },
@@ -310,7 +351,8 @@ fn one_stroke(arguments: &OneStroke) -> Result<(), EvalError> {
         seed: arguments.seed,
         data: arguments.data.clone().filter(|_| !arguments.quick),
     };
-    std::fs::create_dir_all(&arguments.out).map_err(wrong(&arguments.out))?;
+    must_be_folder(options.data.as_deref())?;
+    let output = Output::open(&arguments.out, &["strokes.json", "one-stroke.json", "one-stroke.md"])?;
     let start = Instant::now();
     let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
     let played = one_stroke::run(&options, &tell)?;
@@ -321,8 +363,7 @@ fn one_stroke(arguments: &OneStroke) -> Result<(), EvalError> {
         ("one-stroke.json", json(serde_json::to_string_pretty(&tables))),
         ("one-stroke.md", one_stroke::markdown(&tables)),
     ] {
-        let path = arguments.out.join(name);
-        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
+        output.write(name, &text)?;
     }
     tell(&format!("written to {}", arguments.out.display()));
     Ok(())
@@ -332,26 +373,18 @@ fn selection_ablation(arguments: &Ablation) -> Result<(), EvalError> {
     let mut options = if arguments.quick { Options::quick(arguments.seed) } else { Options::full(arguments.seed) };
     // The short form is about relations that hold on any scene.
     options.data = arguments.data.clone().filter(|_| !arguments.quick);
-    if let Some(folder) = options.data.as_ref().filter(|folder| !folder.is_dir()) {
-        return Err(EvalError::Data { path: folder.display().to_string(), why: "no such folder".to_owned() });
-    }
+    must_be_folder(options.data.as_deref())?;
     if let Some(shapes) = &arguments.shapes {
         options.shapes.clone_from(shapes);
     }
-    let wrong = |path: &Path| {
-        let path = path.display().to_string();
-        move |source| EvalError::Write { path, source }
-    };
-    std::fs::create_dir_all(&arguments.out).map_err(wrong(&arguments.out))?;
+    let output = Output::open(&arguments.out, &["ablation.json", "ablation.md"])?;
     let start = Instant::now();
     let tell = |what: &str| eprintln!("{:7.1} s  {what}", start.elapsed().as_secs_f64());
     let measured = ablation::run(&options, &tell)?;
     let json = serde_json::to_string_pretty(&measured).unwrap_or_default() + "\n";
-    for (name, text) in [("ablation.json", &json), ("ablation.md", &report::markdown(&measured, false))] {
-        let path = arguments.out.join(name);
-        sg_formats::staged_file::replace(&path, text.as_bytes()).map_err(wrong(&path))?;
-    }
-    plots::draw(&measured, &arguments.out)?;
+    output.write("ablation.json", &json)?;
+    output.write("ablation.md", &report::markdown(&measured, false))?;
+    plots::draw(&measured, output.folder)?;
     tell(&format!("written to {}", arguments.out.display()));
     if arguments.json {
         print!("{json}");

@@ -9,6 +9,9 @@ pub(crate) fn cases() -> Vec<Case> {
     for reader in READERS {
         let file = reader.file();
         let case = |name: &str| reader.case("not regular", name, &file);
+        // A link leads on from its own folder.
+        let (folder, last) = file.split_at(file.rfind('/').map_or(0, |at| at + 1));
+        let pipe = format!("{folder}pipe");
         cases.extend([
             case("nothing"),
             case("a pipe").with(&file, Content::Pipe),
@@ -16,8 +19,8 @@ pub(crate) fn cases() -> Vec<Case> {
             case("a folder").with(&file, Content::Folder),
             case("endless zeros").with(&file, zero()),
             case("a terminal").with(&file, Content::Link("/dev/tty".to_owned())),
-            case("a link to a pipe").with("pipe", Content::Pipe).with(&file, Content::Link("pipe".to_owned())),
-            case("a link to itself").with(&file, Content::Link(file.clone())),
+            case("a link to a pipe").with(&pipe, Content::Pipe).with(&file, Content::Link("pipe".to_owned())),
+            case("a link to itself").with(&file, Content::Link(last.to_owned())),
             case("a link to nothing").with(&file, Content::Link("none".to_owned())),
             case("a file of holes").with(&file, Content::Holes(1 << 40)),
             case("another process' memory").with(&file, Content::Link("/proc/self/mem".to_owned())),
@@ -27,6 +30,8 @@ pub(crate) fn cases() -> Vec<Case> {
     // `.splat` has no header: an empty one is an empty scene. A palette may be absent.
     let right = ["splat: an empty file", "palette: nothing", "palette: a link to nothing", "palette: a link to itself"];
     cases.retain(|c| !right.contains(&c.name.as_str()));
+    // SQLite takes a file that the kernel does not let it read for a defect of the disk: exit status 1.
+    cases.retain(|c| !(c.name.ends_with("another process' memory") && c.words.iter().any(|w| w.ends_with(".sgproj"))));
     // Files that a file names.
     for (name, content) in [
         ("a pipe", Content::Pipe),

@@ -7,8 +7,10 @@ use sg_formats::npy::{write_array, write_labels, write_mask};
 use sg_formats::{Format, SaveOptions, save};
 use sg_scene::mask::Mask;
 use sg_scene::synthetic::samples;
+use sg_speech::audio::Recording;
+use sg_speech::audio::wav::encode_wav;
 
-use crate::case::{Case, Ending};
+use crate::case::{Case, Content, Ending};
 
 /// Gaussians of the right scenes.
 pub(crate) const GAUSSIANS: usize = 60;
@@ -18,8 +20,10 @@ pub(crate) const GAUSSIANS: usize = 60;
 pub(crate) struct Reader {
     /// Its name in titles.
     pub(crate) name: &'static str,
-    /// The ending of its files.
+    /// The ending of its files, or the whole name where the command knows the name itself.
     pub(crate) ending: &'static str,
+    /// The folder of a model, and names of files in it, that stand beside the hostile file in `model`.
+    beside: (&'static str, &'static [&'static str]),
     /// Words of the command; `{}` stands for the file.
     words: &'static [&'static str],
     /// Whether mistakes come with lines of the file.
@@ -27,11 +31,47 @@ pub(crate) struct Reader {
 }
 
 const fn reader(name: &'static str, ending: &'static str, words: &'static [&'static str]) -> Reader {
-    Reader { name, ending, words, shows_lines: false }
+    Reader { name, ending, beside: ("", &[]), words, shows_lines: false }
 }
 
+/// The reader of a file in a model's folder.
+const fn in_model(
+    name: &'static str,
+    ending: &'static str,
+    beside: (&'static str, &'static [&'static str]),
+    words: &'static [&'static str],
+) -> Reader {
+    Reader { beside, ..reader(name, ending, words) }
+}
+
+/// Small models whose weights are random, by their folder below `services`.
+const CLIP: (&str, &[&str]) = (
+    "labeling/encoders/tests/fixtures/clip-gelu",
+    &["config.json", "preprocessor_config.json", "tokenizer.json", "model.safetensors"],
+);
+const OPEN_CLIP: (&str, &[&str]) = (
+    "labeling/encoders/tests/fixtures/open-clip",
+    &["open_clip_config.json", "tokenizer.json", "open_clip_model.safetensors"],
+);
+const BERT: (&str, &[&str]) =
+    ("labeling/encoders/tests/fixtures/bert", &["config.json", "tokenizer.json", "model.safetensors"]);
+const WHISPER: (&str, &[&str]) = (
+    "speech/whisper/tests/fixtures/english",
+    &["config.json", "generation_config.json", "tokenizer.json", "model.safetensors"],
+);
+const WHISPER_CTRANSLATE2: (&str, &[&str]) =
+    ("speech/whisper/tests/fixtures/ctranslate2", &["config.json", "tokenizer.json", "model.bin"]);
+const PIPER: (&str, &[&str]) = ("speech/piper/tests/fixtures", &["made.onnx", "made.onnx.json"]);
+
+/// Words that make a command read a model.
+const LISTEN: &[&str] = &["speech", "listen", "right.wav", "--recognizer", "whisper", "--model", "model"];
+const SPEAK: &[&str] =
+    &["speech", "speak", "abc", "--synthesizer", "piper", "--voice-model", "model", "--out", "to.wav"];
+const LOOK: &[&str] = &["labeling", "find", "right.ply", "--picture", "right.png", "--image-encoder", "model"];
+const MEAN: &[&str] = &["labeling", "find", "right.ply", "bone", "--text-encoder", "model"];
+
 /// Every reader.
-pub(crate) const READERS: [Reader; 33] = [
+pub(crate) const READERS: [Reader; 57] = [
     reader("ply", ".ply", &["scene", "info", "{}"]),
     reader("ascii", ".ply", &["scene", "convert", "{}", "to.splat"]),
     reader("editable", ".ply", &["scene", "info", "{}", "--json"]),
@@ -40,7 +80,7 @@ pub(crate) const READERS: [Reader; 33] = [
     reader("compressed", ".compressed.ply", &["render", "{}", "--out", "to.png", "--backend", "cpu"]),
     reader("splat", ".splat", &["selection", "cluster", "{}", "--out", "to.npy"]),
     reader("scene", ".toml", &["scene", "info", "{}"]),
-    reader("palette", ".pth", &["scene", "info", "palette.ply"]),
+    reader("palette", "palette.pth", &["scene", "info", "palette.ply"]),
     reader("labels", ".npy", &["render", "right.ply", "--out", "to.png", "--show", "clusters", "--clusters", "{}"]),
     reader("mask", ".npy", &["render", "right.ply", "--out", "to.png", "--mask", "{}"]),
     reader("seeds", ".npy", &["selection", "cluster", "right.ply", "--out", "to.npy", "--seeds", "{}", "--cell", "1"]),
@@ -100,6 +140,50 @@ pub(crate) const READERS: [Reader; 33] = [
         ".txt",
         &["fit", "right_8x8x8_uint8.raw", "--initial-only", "--out", "to", "--label-units", "--label-names", "{}"],
     ),
+    reader("nhdr", ".nhdr", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("collection", ".pvd", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("series", ".vti.series", &["fit", "{}", "--initial-only", "--out", "to"]),
+    reader("steps", ".toml", &["fit", "carry", "{}", "--mask", "right.npy", "--to", "1", "--out", "to.npy"]),
+    reader("project", ".sgproj", &["scene", "convert", "{}", "to.ply"]),
+    reader("described project", ".sgproj", &["scene", "projects", "describe", "{}"]),
+    reader("project to copy", ".sgproj", &["backup", "{}", "to.sgproj"]),
+    reader("backup", ".sgproj", &["restore", "{}", "./to.sgproj"]),
+    reader("utterances", ".toml", &["eval", "language", "--utterances", "{}", "--out", "to"]),
+    in_model("wav", ".wav", WHISPER, &["speech", "listen", "{}", "--recognizer", "whisper", "--model", "model"]),
+    in_model("whisper config", "model/config.json", WHISPER, LISTEN),
+    in_model("whisper tokenizer", "model/tokenizer.json", WHISPER, LISTEN),
+    in_model("whisper weights", "model/model.safetensors", WHISPER, LISTEN),
+    in_model("whisper of CTranslate2", "model/model.bin", WHISPER_CTRANSLATE2, LISTEN),
+    in_model("voice", "model/made.onnx", PIPER, SPEAK),
+    in_model("voice's description", "model/made.onnx.json", PIPER, SPEAK),
+    in_model("encoder's config", "model/config.json", CLIP, LOOK),
+    in_model("encoder's preprocessor", "model/preprocessor_config.json", CLIP, LOOK),
+    in_model("encoder's tokenizer", "model/tokenizer.json", CLIP, LOOK),
+    in_model("encoder's weights", "model/model.safetensors", CLIP, LOOK),
+    in_model("OpenCLIP's config", "model/open_clip_config.json", OPEN_CLIP, LOOK),
+    in_model("sentence encoder's weights", "model/model.safetensors", BERT, MEAN),
+    in_model(
+        "picture",
+        ".png",
+        CLIP,
+        &["labeling", "find", "right.ply", "--picture", "{}", "--image-encoder", "model"],
+    ),
+    in_model(
+        "queries",
+        ".tsv",
+        CLIP,
+        &[
+            "labeling",
+            "retrieval",
+            "right.ply",
+            "--image-encoder",
+            "model",
+            "--text-encoder",
+            "none",
+            "--queries",
+            "{}",
+        ],
+    ),
     Reader { shows_lines: true, ..reader("launch", ".toml", &["check", "{}"]) },
     Reader { shows_lines: true, ..reader("script", ".toml", &["demo", "right.ply", "--script", "{}", "--out", "to"]) },
 ];
@@ -129,6 +213,18 @@ impl Reader {
         if words.contains(&"right_8x8x8_uint8.raw") {
             case = case.bytes("right_8x8x8_uint8.raw", right.of("raw"));
         }
+        if words.contains(&"right.npy") {
+            case = case.bytes("right.npy", right.of("mask of three"));
+        }
+        if words.contains(&"right.wav") {
+            case = case.bytes("right.wav", right.of("wav"));
+        }
+        if words.contains(&"right.png") {
+            case = case.bytes("right.png", right.of("picture"));
+        }
+        for name in self.beside.1.iter().map(|name| format!("model/{name}")).filter(|name| *name != file) {
+            case = case.with(&name, Content::Link(fixture(self.beside.0, &name)));
+        }
         if self.name == "palette" {
             // Its unit names no palette, so the file beside it is read.
             case = case.bytes("palette.ply", without_comments(&right.of("ivrgs")));
@@ -136,10 +232,58 @@ impl Reader {
         case
     }
 
+    /// Whether the hostile file may have any name with its ending.
+    pub(crate) fn takes_any_name(self) -> bool {
+        self.ending.starts_with(['.', '_'])
+    }
+
     /// The name of the hostile file.
     pub(crate) fn file(self) -> String {
-        if self.name == "palette" { "palette.pth".to_owned() } else { format!("in{}", self.ending) }
+        if self.takes_any_name() { format!("in{}", self.ending) } else { self.ending.to_owned() }
     }
+}
+
+/// The path of a file of a small model. `name` may begin with a folder, which is left out.
+fn fixture(folder: &str, name: &str) -> String {
+    let name = name.rsplit('/').next().unwrap_or(name);
+    format!("{}/../services/{folder}/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A file of a small model.
+fn model_file(reader: &str) -> Vec<u8> {
+    let reader = named(reader);
+    std::fs::read(fixture(reader.beside.0, reader.ending)).unwrap()
+}
+
+/// A project as fuzzing keeps it.
+fn project() -> Vec<u8> {
+    use std::io::Read;
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz/corpus/project.zip");
+    let mut kept = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut inputs = (0..kept.len()).map(|at| {
+        let mut bytes = Vec::new();
+        kept.by_index(at).unwrap().read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    inputs.find(|bytes| bytes.starts_with(b"SQLite format 3\0")).unwrap()
+}
+
+/// A picture of 16 × 16 pixels.
+fn picture() -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, 16, 16);
+    encoder.set_color(png::ColorType::Rgb);
+    let mut writer = encoder.write_header().unwrap();
+    let pixels: Vec<u8> = (0..3 * 256_u32).map(|at| (at * 7 % 256) as u8).collect();
+    writer.write_image_data(&pixels).unwrap();
+    writer.finish().unwrap();
+    file
+}
+
+/// Half a second of sound.
+fn sound() -> Vec<u8> {
+    let samples = (0..8000).map(|at| (at as f32 * 0.1).sin() * 0.1).collect();
+    encode_wav(&Recording { rate: 16_000, samples }).unwrap()
 }
 
 /// The bytes of a right file for each reader.
@@ -217,10 +361,42 @@ pub(crate) static RIGHT: LazyLock<Right> = LazyLock::new(|| {
         ("dicom", dicom(8, 8, 8, &voxels)),
         ("truth volume", voxels.iter().map(|v| v % 3).collect()),
         ("label names", b"1 255 0 0 1 1 1 \"a\"\n".to_vec()),
+        ("nhdr", format!("{}\ndata file: d.raw\n", nrrd("8 8 8", "uint8", "raw").trim_end()).into_bytes()),
+        ("collection", COLLECTION.into()),
+        ("series", br#"{"file-series-version":"1.0","files":[{"name":"a.vti","time":0}]}"#.to_vec()),
+        (
+            "steps",
+            b"step = [{ previous = \"a.npy\", gaussians = 3 }, { previous = \"b.npy\", gaussians = 3 }]\n".to_vec(),
+        ),
+        ("project", project()),
+        ("described project", project()),
+        ("project to copy", project()),
+        ("backup", project()),
+        ("utterances", b"[[utterance]]\nkind = \"a\"\nsay = [\"hide it\"]\nexpect = [\"unchanged\"]\n".to_vec()),
+        ("wav", sound()),
+        ("whisper config", model_file("whisper config")),
+        ("whisper tokenizer", model_file("whisper tokenizer")),
+        ("whisper weights", model_file("whisper weights")),
+        ("whisper of CTranslate2", model_file("whisper of CTranslate2")),
+        ("voice", model_file("voice")),
+        ("voice's description", model_file("voice's description")),
+        ("encoder's config", model_file("encoder's config")),
+        ("encoder's preprocessor", model_file("encoder's preprocessor")),
+        ("encoder's tokenizer", model_file("encoder's tokenizer")),
+        ("encoder's weights", model_file("encoder's weights")),
+        ("OpenCLIP's config", model_file("OpenCLIP's config")),
+        ("sentence encoder's weights", model_file("sentence encoder's weights")),
+        ("picture", picture()),
+        ("queries", b"the hard part\tright\n".to_vec()),
+        ("mask of three", array("three.npy", &|p| write_mask(p, &Mask::from_fn(3, |i| i == 1)).unwrap())),
         ("launch", b"schema = 1\n[service.scene]\nexec = \"/bin/true\"\n".to_vec()),
         ("script", b"[[step]]\nsay = \"help\"\n".to_vec()),
     ])
 });
+
+/// A collection of one step.
+const COLLECTION: &str = "<?xml version=\"1.0\"?><VTKFile type=\"Collection\" version=\"0.1\"><Collection>\
+    <DataSet timestep=\"0\" file=\"a.vti\"/></Collection></VTKFile>";
 
 /// Two tetrahedra with a value at each point.
 pub(crate) const VTU: &str = "<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\"><UnstructuredGrid>\

@@ -489,9 +489,11 @@ const MAP: [(&str, &str, &[&str]); 40] = [
         &[
             "sg-clusters",
             "sg-edit",
+            "sg-encoders",
             "sg-formats",
             "sg-input",
             "sg-language",
+            "sg-llm",
             "sg-piper",
             "sg-proto",
             "sg-reclassify",
@@ -503,8 +505,10 @@ const MAP: [(&str, &str, &[&str]); 40] = [
             "sg-walk",
             "sg-whisper",
             "supergaussian",
+            "supergaussian-labeling",
             "supergaussian-scene",
             "supergaussian-selection",
+            "supergaussian-speech",
         ],
     ),
 ];

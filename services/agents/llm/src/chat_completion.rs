@@ -85,6 +85,14 @@ pub(crate) fn parse_answer(body: &[u8]) -> Result<Completion, LlmError> {
     })
 }
 
+/// The text in the body of a chat completion.
+///
+/// # Errors
+/// [`LlmError::InvalidAnswer`]: the answer is malformed, empty or cut off. [`LlmError::Refused`]: the model refused.
+pub fn completion_text(body: &[u8]) -> Result<String, LlmError> {
+    parse_answer(body).map(|completion| completion.text)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -44,6 +44,7 @@ mod interpreter;
 mod model;
 mod openai;
 
+pub use chat_completion::completion_text;
 pub use client::{Answer, LlmClient};
 pub use config::{Backend, ConfigError, Fallback, ModelConfig, Parameters, UnknownBackend};
 pub use error::LlmError;

@@ -1,7 +1,7 @@
 //! The synthetic volume: a vessel tree with an aneurysm, with exact ground truth.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::Serialize;
@@ -13,6 +13,9 @@ use sg_volume::{Volume, raw_file_name, write_volume};
 
 use crate::failure::{Failure, input, work};
 use crate::output::{make_folder, write};
+
+/// Name of the file with the ground truth.
+const TRUTH_FILE: &str = "truth.json";
 
 /// Ground truth of the synthetic volume, in normalized coordinates of its box and in voxels.
 #[derive(Serialize)]
@@ -36,7 +39,6 @@ pub(crate) fn make(out: &Path, size: usize, seed: u64, json: bool) -> Result<(),
     let tree = VesselTree::new();
     let raster = tree.rasterize(size, seed).map_err(input)?;
     let (volume, labels) = (raster.volume().map_err(work)?, raster.labels().map_err(work)?);
-    make_folder(out)?;
     let truth = PhantomGroundTruth {
         volume: raw_file_name("phantom", &volume),
         labels: raw_file_name("phantom_labels", &labels),
@@ -51,12 +53,16 @@ pub(crate) fn make(out: &Path, size: usize, seed: u64, json: bool) -> Result<(),
         sac_center_voxels: (tree.sac_center() * size as f64 - 0.5).to_array(),
         sac_radius_voxels: tree.sac_radius() * size as f64,
     };
+    let names = [truth.volume.as_str(), truth.labels.as_str(), truth.transfer_function.as_str(), TRUTH_FILE];
+    let outputs = names.map(|name| out.join(name));
+    staged_file::check_outputs(outputs.iter().map(PathBuf::as_path), []).map_err(input)?;
+    make_folder(out)?;
     save_volume(&out.join(&truth.volume), &volume)?;
     save_volume(&out.join(&truth.labels), &labels)?;
     let function = phantom::transfer_function().to_json().map_err(work)?;
     write(&out.join(&truth.transfer_function), function.as_bytes())?;
     let text = serde_json::to_string_pretty(&truth).map_err(work)? + "\n";
-    write(&out.join("truth.json"), text.as_bytes())?;
+    write(&out.join(TRUTH_FILE), text.as_bytes())?;
     if json {
         print::result(&text).map_err(work)?;
     } else {

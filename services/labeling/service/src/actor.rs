@@ -22,10 +22,10 @@ use sg_runtime::context::Context;
 use sg_runtime::fault::Fault;
 use sg_runtime::process::{Host, StartError};
 use sg_runtime::scene_replica::SceneReplica;
+use supergaussian_labeling::embedding_cache::EmbeddingCache;
 use tokio::sync::watch;
 
 use crate::embedder::{Embedder, EmbeddingProgress};
-use crate::embedding_cache::EmbeddingCache;
 use crate::label_encoder::LabelEncoder;
 use crate::measured_units::{MeasuredUnits, Units, frame_of, labelled};
 use crate::params::Params;

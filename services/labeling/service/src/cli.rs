@@ -10,6 +10,7 @@ use sg_labeling::attributes::words::describing;
 use sg_labeling::meaning::LabelCosines;
 use sg_labeling::pictures::UnitPictures;
 use sg_labeling::query::{Outcome, QueryContext, Ranked};
+use supergaussian_labeling::query_png;
 
 use crate::label_encoder::{EncoderChoice, LabelEncoder};
 use crate::measured_units::Units;
@@ -149,8 +150,8 @@ fn find_text(
 fn find_picture(scene: &OfflineScene, path: &Path, embeddings: Option<&UnitEmbeddings>) -> Result<ExitCode, String> {
     let of_file = |problem: String| format!("{}: {problem}", path.display());
     let embeddings = embeddings.ok_or("a picture needs an image encoder; name its folder with --image-encoder")?;
-    let bytes = file::read(path, picture_query::MAX_BYTES as u64).map_err(|e| of_file(e.to_string()))?;
-    let picture = picture_query::decode(&bytes).map_err(|e| of_file(e.to_string()))?;
+    let bytes = file::read(path, query_png::MAX_BYTES as u64).map_err(|e| of_file(e.to_string()))?;
+    let picture = query_png::decode(&bytes).map_err(|e| of_file(e.to_string()))?;
     scene.embed_into(embeddings);
     let found = picture_query::compare(&picture, &scene.units.names, embeddings).map_err(|e| of_file(e.to_string()))?;
     answer(&scene.units, found, |_| "pictures are compared, not understood: the first unit looks the most alike")

@@ -11,9 +11,9 @@ use sg_runtime::context::Context;
 use sg_runtime::scene_replica::SceneReplica;
 use sg_scene::mask::Mask;
 use sg_scene::model::Scene;
+use supergaussian_labeling::embedding_cache::EmbeddingCache;
 use tokio::sync::{mpsc, watch};
 
-use crate::embedding_cache::EmbeddingCache;
 use crate::measured_units::{labelled, looks_alike};
 use crate::picture_encoder::{PictureEncoder, PictureError, RegionEmbedding};
 use crate::region_proposals::{RegionProposals, Regions};

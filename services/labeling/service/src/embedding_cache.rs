@@ -19,16 +19,17 @@ const EXTENSION: &str = "embedding";
 
 /// A folder of embeddings.
 #[derive(Debug, Clone)]
-pub(crate) struct EmbeddingCache {
+pub struct EmbeddingCache {
     folder: PathBuf,
 }
 
 /// Embedding of some pictures, with their number.
-pub(crate) type Stored = (Embedding, usize);
+pub type Stored = (Embedding, usize);
 
 impl EmbeddingCache {
     /// The cache in a folder. The first [`EmbeddingCache::store`] creates the folder.
-    pub(crate) fn new(folder: &Path) -> Self {
+    #[must_use]
+    pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf() }
     }
 
@@ -37,7 +38,8 @@ impl EmbeddingCache {
     }
 
     /// The entry of a key. A damaged entry is none, after a line in the log.
-    pub(crate) fn load(&self, key: &blake3::Hash) -> Option<Stored> {
+    #[must_use]
+    pub fn load(&self, key: &blake3::Hash) -> Option<Stored> {
         let path = self.path(key);
         let bytes = match file::read(&path, 64 + 4 * MAX_DIMENSION as u64) {
             Ok(bytes) => bytes,
@@ -58,7 +60,7 @@ impl EmbeddingCache {
     ///
     /// # Errors
     /// The system's error, such as a full disk. No partial entry remains.
-    pub(crate) fn store(&self, key: &blake3::Hash, (embedding, views): &Stored) -> io::Result<()> {
+    pub fn store(&self, key: &blake3::Hash, (embedding, views): &Stored) -> io::Result<()> {
         std::fs::create_dir_all(&self.folder)?;
         staged_file::replace(&self.path(key), &encode(embedding, *views))?;
         keep_newest(&self.folder, EXTENSION, MAX_ENTRIES)
@@ -75,7 +77,9 @@ fn encode(embedding: &Embedding, views: usize) -> Vec<u8> {
     out
 }
 
-fn decode(bytes: &[u8]) -> Option<Stored> {
+/// The content of an entry. `None` for a damaged one.
+#[must_use]
+pub fn decode(bytes: &[u8]) -> Option<Stored> {
     let (content, checksum) = bytes.split_last_chunk::<32>()?;
     if blake3::hash(content) != blake3::Hash::from_bytes(*checksum) {
         return None;

@@ -3,7 +3,6 @@
 mod actor;
 mod cli;
 mod embedder;
-mod embedding_cache;
 mod label_encoder;
 mod measured_units;
 mod offline_scene;

@@ -3,6 +3,8 @@
 pub(crate) mod arrays;
 pub(crate) mod clusters;
 pub(crate) mod edits;
+pub(crate) mod encoders;
+pub(crate) mod endpoints;
 pub(crate) mod language;
 pub(crate) mod messages;
 pub(crate) mod projects;

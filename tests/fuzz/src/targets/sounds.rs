@@ -11,6 +11,7 @@ use sg_speech::child_process::Limits;
 use sg_whisper::{AudioContext, Options, Precision, SAMPLE_RATE, Whisper};
 
 use super::accepted;
+use crate::parts::Parts;
 use crate::stage::Stage;
 
 /// Longest sound.
@@ -52,6 +53,37 @@ pub(crate) fn whisper_model(stage: &Stage, input: &[u8]) -> bool {
         assert!(text.tokens.len() <= 3, "{} tokens", text.tokens.len());
     }
     true
+}
+
+/// The texts beside models of speech that the first byte chooses from: three of Whisper, and the description of a voice.
+pub(crate) const TEXTS: [(&str, &[u8]); 4] = [
+    ("config.json", include_bytes!("../../../../services/speech/whisper/tests/fixtures/english/config.json")),
+    ("tokenizer.json", include_bytes!("../../../../services/speech/whisper/tests/fixtures/english/tokenizer.json")),
+    (
+        "generation_config.json",
+        include_bytes!("../../../../services/speech/whisper/tests/fixtures/english/generation_config.json"),
+    ),
+    ("made.onnx.json", include_bytes!("../../../../services/speech/piper/tests/fixtures/made.onnx.json")),
+];
+
+/// A text beside a model of speech whose other files are right. The first byte chooses which.
+pub(crate) fn speech_text(stage: &Stage, input: &[u8]) -> bool {
+    let mut parts = Parts(input);
+    let chosen = usize::from(parts.byte()) % TEXTS.len();
+    let input = parts.rest();
+    for (at, (name, right)) in TEXTS.into_iter().enumerate() {
+        stage.write(name, if at == chosen { input } else { right });
+    }
+    stage.keep("model.safetensors", || {
+        include_bytes!("../../../../services/speech/whisper/tests/fixtures/english/model.safetensors").to_vec()
+    });
+    let voice = stage
+        .keep("made.onnx", || include_bytes!("../../../../services/speech/piper/tests/fixtures/made.onnx").to_vec());
+    if TEXTS[chosen].0 == "made.onnx.json" {
+        // The error may be about the program that a voice needs.
+        return Piper::open(&voice, None).is_ok();
+    }
+    accepted(Whisper::open(stage.folder(), Precision::F32), stage.folder()).is_some()
 }
 
 /// A voice whose description is right. One that opens speaks.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use serde::Deserialize;
+use sg_input::{file, limits, printable};
 
 use super::condition::Condition;
 use crate::eval::EvalError;
@@ -66,8 +67,9 @@ pub fn own() -> Result<Vec<UtteranceSet>, EvalError> {
 /// [`EvalError::Data`] for a file that is no set.
 pub fn read(paths: &[PathBuf]) -> Result<Vec<UtteranceSet>, EvalError> {
     let read = |path: &PathBuf| {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path);
+        // The name is a heading of the table, too.
+        let name = printable(&path.display().to_string()).into_owned();
+        let text = file::read_text(path, limits::SMALL_TEXT_BYTES);
         let text = text.map_err(|e| EvalError::Data { path: name.clone(), why: e.to_string() })?;
         parse(&name, &text)
     };
@@ -80,7 +82,8 @@ pub fn read(paths: &[PathBuf]) -> Result<Vec<UtteranceSet>, EvalError> {
 /// [`EvalError::Data`] names the utterance.
 pub fn parse(name: &str, text: &str) -> Result<UtteranceSet, EvalError> {
     let wrong = |why: String| EvalError::Data { path: name.to_owned(), why };
-    let file: File = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+    limits::check_toml_parts(text).map_err(wrong)?;
+    let file: File = toml::from_str(text).map_err(|e| wrong(one_line(text, &e)))?;
     let utterance = |entry: Entry| {
         let about = entry.say.join(" / ");
         if entry.say.is_empty() || entry.expect.is_empty() {
@@ -92,6 +95,12 @@ pub fn parse(name: &str, text: &str) -> Result<UtteranceSet, EvalError> {
     };
     let utterances = file.utterance.into_iter().map(utterance).collect::<Result<_, EvalError>>()?;
     Ok(UtteranceSet { name: name.to_owned(), utterances })
+}
+
+/// An error of the parser with its line, without the text around it.
+fn one_line(text: &str, error: &toml::de::Error) -> String {
+    let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+    format!("line {}: {}", before.matches('\n').count() + 1, error.message().trim().replace('\n', ", "))
 }
 
 #[cfg(test)]
@@ -118,6 +127,28 @@ mod tests {
         said.sort_unstable();
         said.dedup();
         assert_eq!((third.len(), said.len()), (240, 240));
+    }
+
+    #[test]
+    fn only_short_regular_files_are_sets_and_each_error_is_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("set.toml");
+        let refused = |part: &str| {
+            let error = read(std::slice::from_ref(&path)).unwrap_err().to_string();
+            assert!(error.contains("set.toml") && error.contains(part) && !error.contains('\n'), "{error}");
+        };
+        refused("No such file");
+        std::os::unix::fs::symlink("/dev/zero", &path).unwrap();
+        refused("it is a device");
+        std::fs::remove_file(&path).unwrap();
+        for (text, part) in [
+            ("# a\n[[utterance]\n".to_owned(), "line 2: "),
+            ("#".repeat(2 << 20), "limit"),
+            (format!("a = [{}]", "0,".repeat(400_000)), "the limit is"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            refused(part);
+        }
     }
 
     #[test]

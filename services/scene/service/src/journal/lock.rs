@@ -95,7 +95,7 @@ pub(super) fn must_be_file(path: &Path) -> Result<(), JournalError> {
         Ok(metadata) if !metadata.is_file() => Err(JournalError::NotAProject { path: path.into() }),
         Ok(_) => Ok(()),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(storage(path, &error)),
+        Err(error) => Err(unopenable(path, &error)),
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 
-use serde::Deserialize;
 use sg_endpoint::{CallError, Endpoint, HttpClient, Part};
 use sg_speech::audio::wav::{decode_streamed_wav, encode_wav};
 use sg_speech::audio::{Recording, SPEECH_RATE};
@@ -10,15 +9,13 @@ use sg_speech::child_process::Limits;
 use sg_speech::error::SpeechError;
 use sg_speech::phrases::PhraseGrammar;
 use sg_speech::recognizer::{Recognition, Recognizer, Synthesizer, has_voice};
+use supergaussian_speech::transcription::Transcription;
 use tokio::runtime::Handle;
 
 use super::{
     LONGEST, MAX_SOUND_BYTES, MAX_TEXT_BYTES, Server, ServerError, ServerParams, check_name, names, recognition,
     silence_of,
 };
-
-/// Whisper's own rule for silence: this probability of no speech with less than this mean log-probability.
-const NO_SPEECH: (f32, f32) = (0.6, -1.0);
 
 /// A server that speaks OpenAI's protocol.
 pub(crate) struct OpenAi {
@@ -82,55 +79,6 @@ impl OpenAi {
     }
 }
 
-/// An answer of `audio/transcriptions`. Servers state probabilities in one of two ways, or not at all.
-#[derive(Debug, Deserialize)]
-struct Transcription {
-    text: String,
-    #[serde(default)]
-    segments: Vec<Segment>,
-    #[serde(default)]
-    logprobs: Option<Vec<Token>>,
-}
-
-#[derive(Debug, Deserialize)]
-struct Segment {
-    #[serde(default)]
-    avg_logprob: Option<f32>,
-    #[serde(default)]
-    no_speech_prob: Option<f32>,
-}
-
-#[derive(Debug, Deserialize)]
-struct Token {
-    logprob: f32,
-}
-
-impl Transcription {
-    fn parse(body: &[u8]) -> Result<Self, CallError> {
-        // The parser's own message may repeat the answer.
-        serde_json::from_slice(body).map_err(|error| {
-            let (line, column) = (error.line(), error.column());
-            CallError::Invalid(format!("no transcription; the answer is wrong at line {line}, column {column}"))
-        })
-    }
-
-    /// Whether the server heard no speech.
-    fn is_silence(&self) -> bool {
-        let (least, most) = NO_SPEECH;
-        let silent =
-            |s: &Segment| s.no_speech_prob.is_some_and(|p| p > least) && s.avg_logprob.is_some_and(|p| p < most);
-        !self.segments.is_empty() && self.segments.iter().all(silent)
-    }
-
-    /// Geometric mean of the probabilities; 1 where the server states none.
-    fn confidence(&self) -> f32 {
-        let tokens = self.logprobs.iter().flatten().map(|token| token.logprob);
-        let logs: Vec<f32> = tokens.chain(self.segments.iter().filter_map(|segment| segment.avg_logprob)).collect();
-        let mean = logs.iter().sum::<f32>() / logs.len().max(1) as f32;
-        if mean.is_finite() { mean.exp() } else { 0.0 }
-    }
-}
-
 impl Recognizer for OpenAi {
     fn name(&self) -> &'static str {
         self.server.name
@@ -152,8 +100,7 @@ impl Recognizer for OpenAi {
             let form = self.form(&sound, phrases);
             Transcription::parse(&self.client.post_form("audio/transcriptions", form, MAX_TEXT_BYTES).await?)
         })?;
-        let text = if heard.is_silence() { "" } else { &heard.text };
-        Ok(recognition(text, heard.confidence(), phrases, began))
+        Ok(recognition(heard.text(), heard.confidence(), phrases, began))
     }
 }
 

@@ -1,0 +1,3 @@
+//! What the speech process shares with fuzzing: answers of servers.
+
+pub mod transcription;
