@@ -96,6 +96,12 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     if is_unread && let Some(answer) = missing::question(&reader, text, &tokens) {
         return Ok(Intent { answer, ..reader.intent(text, &tokens, literal) });
     }
+    // "Red is too alarming, make it teal" is no misspelt "make it red".
+    if by_parts(&reader, text, &tokens).is_none()
+        && let Some(intent) = sentence_model::clear(&reader, text).and_then(|meaning| like(meaning, text, &literal))
+    {
+        return Ok(intent);
+    }
     let with_forms = || std::iter::once(text).chain(forms.iter().map(String::as_str));
     let spelled = with_forms().find_map(|form| spelling::repaired(&reader, form));
     if let Some((better, sentence)) = spelled.filter(|(_, sentence)| is_safe(sentence)) {
@@ -122,7 +128,7 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
     {
         return Ok(repaired(sentence, text, String::new()));
     }
-    if let Some(intent) = by_examples(&reader, text, &literal) {
+    if let Some(intent) = sentence_model::of(&reader, text).and_then(|meaning| like(meaning, text, &literal)) {
         return Ok(intent);
     }
     let intent = withhold(reader.intent(text, &tokens, literal));
@@ -131,8 +137,8 @@ pub fn interpret(request: &IntentRequest) -> Result<Intent, UtteranceError> {
 
 /// The intent of an utterance that is like examples of other people's words. A command counts if it does all that the literal reading
 /// does: then what that does not understand is a reason or a remark.
-fn by_examples(reader: &Reader<'_>, text: &str, literal: &Sentence) -> Option<Intent> {
-    match sentence_model::of(reader, text)? {
+fn like(meaning: Meaning, text: &str, literal: &Sentence) -> Option<Intent> {
+    match meaning {
         Meaning::Command(form, sentence) => {
             let does = |clause: &Clause| sentence.clauses.iter().any(|other| other.act() == clause.act());
             // A name that no unit has may be known to the labeling service.

@@ -12,11 +12,14 @@ use sg_sentence_model::{Model, Reading, Slot};
 use super::Reader;
 use super::forms::{certain, is_safe, understood, whole};
 use super::sentence::Sentence;
-use crate::syntax::token;
+use crate::syntax::token::{self, Kind, Token};
 use crate::{color, state_answer};
 
-/// Least probability of a command whose effect a look tells.
-const LIKELY: f32 = 0.45;
+/// Least probability of a command with slots whose effect a look tells.
+const LIKELY: f32 = 0.35;
+
+/// The same for a command without slots: nothing but its words tells it.
+const LIKELY_ALONE: f32 = 0.5;
 
 /// Least probability of a command that deletes, names, takes back or steers a tour, of a sentence that asks for nothing, and of one with a
 /// number, a colour or a name that its command does not take.
@@ -73,21 +76,43 @@ const SIDES: [(&str, &[&str]); 6] = [
 /// Words that stand for a thing that was named before.
 const PRONOUNS: [&str; 7] = ["it", "them", "this", "that", "these", "those", "its"];
 
-/// Words that begin an exception, and words that end one.
-const EXCEPTIONS: [&str; 12] = [
+/// Words of an exception.
+const EXCEPTIONS: [&str; 16] = [
     "except",
     "excepted",
     "excluding",
     "without",
-    "apart",
-    "save",
+    "apart from",
+    "save the",
+    "save for",
     "besides",
-    "bar",
+    "bar the",
     "minus",
-    "isn't",
-    "aren't",
-    "not",
+    "that isn't",
+    "that aren't",
+    "that is not",
+    "not though",
+    "though not",
+    "just not",
 ];
+
+/// Words before what describes a thing by a clause: "whatever is made of metal".
+const RELATIVE: [&str; 8] = [
+    "whatever is",
+    "whatever's",
+    "whatever looks",
+    "anything that is",
+    "anything that's",
+    "everything that is",
+    "the ones that are",
+    "the one that is",
+];
+
+/// Words between these and the description.
+const MADE_OF: [&str; 4] = ["made of", "made from", "coloured", "colored"];
+
+/// Words before a noun that names a thing.
+const DETERMINERS: [&str; 8] = ["the", "this", "that", "these", "those", "my", "our", "both"];
 
 /// Words around an amount that change little.
 const ABOUT: [&str; 14] = [
@@ -126,9 +151,21 @@ pub(super) enum Meaning {
     OutOfScope,
 }
 
-/// The meaning of a sentence, if it is likely enough. `least`: least probability of a command whose effect a look tells.
+/// The meaning of a sentence, if it is likely enough.
 pub(super) fn of(reader: &Reader<'_>, text: &str) -> Option<Meaning> {
+    at_least(reader, text, 0.0)
+}
+
+/// The meaning of a sentence, if it is clearer than that of any repair.
+pub(super) fn clear(reader: &Reader<'_>, text: &str) -> Option<Meaning> {
+    at_least(reader, text, CERTAIN)
+}
+
+fn at_least(reader: &Reader<'_>, text: &str, least: f32) -> Option<Meaning> {
     let reading = MODEL.as_ref()?.read(text, reader.known_names())?;
+    if reading.probability < least {
+        return None;
+    }
     match reading.command {
         "DON'T" => (reading.probability >= SURE).then_some(Meaning::Nothing),
         "OUT" => (reading.probability >= SURE).then_some(Meaning::OutOfScope),
@@ -143,6 +180,7 @@ pub(super) fn of(reader: &Reader<'_>, text: &str) -> Option<Meaning> {
                 Reading { colors_left: 1.., .. } => CERTAIN,
                 Reading { numbers_left: 1.., .. } | Reading { names_left: 1.., .. } => SURE,
                 _ if steers => SURE,
+                Reading { slots, .. } if slots.is_empty() => LIKELY_ALONE,
                 _ => LIKELY,
             };
             let p = reading.probability;
@@ -164,9 +202,11 @@ pub(super) fn command(reader: &Reader<'_>, text: &str) -> Option<(String, Senten
 
 /// Whether a sentence has an exception that its command lost.
 fn excludes_otherwise(text: &str, form: &str) -> bool {
-    let has = |text: &str| token::tokens(text).iter().any(|token| EXCEPTIONS.contains(&token.text.as_str()));
-    let is_kept = has(form) || form.contains(" but ") || form.starts_with("show only");
-    has(text) && !is_kept
+    let words =
+        |text: &str| format!(" {} ", token::tokens(text).iter().map(|t| t.text.as_str()).collect::<Vec<_>>().join(" "));
+    let has = |said: &str| EXCEPTIONS.iter().any(|exception| said.contains(&format!(" {exception} ")));
+    let form = words(form);
+    has(&words(text)) && !has(&form) && !form.contains(" but ") && !form.starts_with(" show only ")
 }
 
 /// The command as a sentence of the grammar, with the words of its slots.
@@ -174,7 +214,8 @@ fn form(reader: &Reader<'_>, text: &str, reading: &Reading<'_>) -> Option<String
     let slot = |slot: Slot| said(reader, text, reading, slot);
     // "That" is no pronoun where a name stands in another slot.
     let refers = reading.names_left == 0 && !reading.slots.iter().any(|(slot, _)| *slot == Slot::Other);
-    let thing = || slot(Slot::Thing).or_else(|| pronoun(text).filter(|_| refers).map(str::to_owned));
+    let referred = || pronoun(text).filter(|_| refers).map(str::to_owned);
+    let thing = || slot(Slot::Thing).map(|said| described(&said)).or_else(|| unknown_noun(text)).or_else(referred);
     let background =
         |toward: f32| reader.scene.and_then(|scene| scene.background).map(|color| background(color, toward));
     match reading.command {
@@ -235,6 +276,26 @@ fn names_in(reader: &Reader<'_>, said: &str) -> bool {
         .normalized
         .iter()
         .any(|(_, known)| !known.is_empty() && lemmas.windows(known.len()).any(|run| run == known.as_slice()))
+}
+
+/// A thing that a clause describes, in words that the grammar takes for a description: "whatever is made of metal" is "the metal thing".
+fn described(said: &str) -> String {
+    let lower = said.to_lowercase();
+    let Some(rest) = RELATIVE.iter().find_map(|lead| lower.strip_prefix(lead)) else { return said.to_owned() };
+    let rest = rest.trim();
+    let look = MADE_OF.iter().find_map(|lead| rest.strip_prefix(lead)).unwrap_or(rest);
+    format!("the {} thing", look.trim())
+}
+
+/// A noun behind an article that no command has, so that it names a thing.
+fn unknown_noun(text: &str) -> Option<String> {
+    let tokens = token::tokens(text);
+    let is_name = |token: &Token| token.kind == Kind::Word && !knows(&token.text) && !color::is_word(&token.text);
+    let found = tokens.windows(2).find_map(|two| match two {
+        [article, noun] if DETERMINERS.contains(&article.text.as_str()) && is_name(noun) => Some(noun),
+        _ => None,
+    })?;
+    Some(format!("the {}", found.text))
 }
 
 /// The pronoun of a sentence.
