@@ -7,9 +7,6 @@ use sg_volume::{Classifier, Field};
 
 use crate::label_units::{LEFT_OUT, LabelUnits};
 
-/// Largest number of base units.
-pub(crate) const MAX_UNITS: usize = 255;
-
 /// Extinction and base unit of every voxel.
 pub(crate) struct Classification<'a> {
     pub(crate) field: &'a Field,
@@ -63,7 +60,7 @@ pub(crate) struct Crop {
 }
 
 impl<'a> Classification<'a> {
-    /// Classifies every voxel. The classifier must have at most [`MAX_UNITS`] base units. With `labels`, which must be of the same
+    /// Classifies every voxel. The classifier must have at most 255 base units. With `labels`, which must be of the same
     /// grid, voxels belong to the base units of their labels, whatever their values are.
     pub(crate) fn new(
         field: &'a Field,

@@ -27,8 +27,8 @@ use sg_scene::model::{BaseUnit, Gaussians, Scene, SceneBox, ShadingColumns};
 use sg_volume::dvr::Material;
 use sg_volume::{Bounds, ScalarFieldRef, TransferFunction};
 
-use crate::classification::MAX_UNITS;
 use crate::label_units::LabelUnits;
+use crate::labels::MAX_UNITS;
 use crate::options::{DirectError, MAX_GAUSSIANS, Options};
 use crate::placed::PlacedUnit;
 use crate::report::{DirectStart, Report, Seconds, UnitReport};

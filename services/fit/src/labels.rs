@@ -7,7 +7,8 @@ use serde::Serialize;
 use sg_scene::model::Scene;
 use sg_volume::{Bounds, Classifier, Field, Volume};
 
-use crate::classification::MAX_UNITS;
+/// Largest number of base units.
+pub(crate) const MAX_UNITS: usize = 255;
 
 /// The label volume does not fit the scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -22,6 +22,7 @@
 mod classification;
 pub mod direct;
 mod importance;
+pub mod label_start;
 pub mod label_units;
 pub mod labels;
 mod mesh;

@@ -3,8 +3,7 @@
 use sg_volume::ScalarFieldRef;
 use sg_volume::transfer::Problem;
 
-use crate::classification::MAX_UNITS;
-use crate::labels::LabelError;
+use crate::labels::{LabelError, MAX_UNITS};
 use crate::placement::PlacementError;
 
 /// Largest allowed number of Gaussians.

@@ -7,15 +7,12 @@ use sg_volume::{Classifier, Field, Surfaceness, background_values};
 
 use crate::classification::Classification;
 use crate::importance::{candidates, importance_of_value};
-use crate::label_units::LabelUnits;
+use crate::label_units::{GRADIENT_SMOOTHING, LabelUnits};
 use crate::options::{DirectError, Options};
 use crate::placed::{Placed, PlacedUnit, apportion};
 use crate::placement::{Points, VoxelPieces, place};
 use crate::report::Seconds;
 use crate::shape::{GaussianBuilder, Splat};
-
-/// Standard deviation in voxels of the smoothing before gradients. Without it normals follow the noise of single voxels.
-pub(crate) const GRADIENT_SMOOTHING: f32 = 1.0;
 
 /// Places the Gaussians of all base units. With `labels`, which must be of the same grid, base units are labels. `stage`
 /// gets the name of each stage.

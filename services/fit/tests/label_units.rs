@@ -5,7 +5,8 @@
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3, Vec3};
-use sg_fit::label_units::{Background, LabelUnits, direct_start_of_labels};
+use sg_fit::label_start::direct_start_of_labels;
+use sg_fit::label_units::{Background, LabelUnits};
 use sg_fit::labels::{LabelError, labels_of};
 use sg_fit::{DirectError, DirectStart, Options};
 use sg_reclassify::{reclassify_scene, sources};

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use sg_fit::label_units::{Background, LabelUnits, direct_start_of_labels};
+use sg_fit::label_start::direct_start_of_labels;
+use sg_fit::label_units::{Background, LabelUnits};
 use sg_fit::labels::LabelError;
 use sg_fit::{DirectStart, Options};
 use sg_input::print::status as print_line;
