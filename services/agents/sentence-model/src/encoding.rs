@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::table::Table;
 
 /// First bytes of an encoded model.
-const MAGIC: &[u8; 8] = b"sgsent02";
+const MAGIC: &[u8; 8] = b"sgsent03";
 
 /// Most features, commands and bytes of a command that are read.
 const MOST_FEATURES: usize = 1 << 22;
@@ -41,8 +41,10 @@ impl Model {
         table(&mut bytes, &self.classifier.table);
         self.chain.transitions.iter().for_each(|row| floats(&mut bytes, row));
         table(&mut bytes, &self.chain.table);
-        count(&mut bytes, self.vocabulary.len());
-        self.vocabulary.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        for words in [&self.vocabulary, &self.things] {
+            count(&mut bytes, words.len());
+            words.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        }
         bytes
     }
 
@@ -69,10 +71,12 @@ impl Model {
         let chain = Chain { transitions, table: input.table(LABELS)? };
         let number = input.count(MOST_FEATURES, "number of words")?;
         let vocabulary = input.hashes(number)?;
+        let number = input.count(MOST_FEATURES, "number of things")?;
+        let things = input.hashes(number)?;
         if !input.rest.is_empty() {
             return Err(ModelError::Length(bytes.len()));
         }
-        Ok(Self { commands, classifier, chain, vocabulary })
+        Ok(Self { commands, classifier, chain, vocabulary, things })
     }
 }
 

@@ -271,6 +271,16 @@ impl Examples {
         (0..self.templates.len()).map(|template| Spoken::of(&self.fill(template, random))).collect()
     }
 
+    /// Names and descriptions of things.
+    pub(crate) fn things(&self) -> impl Iterator<Item = &str> {
+        let listed = self.values.get(&Slot::Thing).into_iter().flatten().map(|(_, value)| value.as_str());
+        let own = self.templates.iter().flat_map(|template| &template.pieces).filter_map(|piece| match piece {
+            Piece::Slot(Slot::Thing | Slot::Other, own) => own.as_deref(),
+            _ => None,
+        });
+        listed.chain(own).chain(NAMES)
+    }
+
     /// Names of the scenes in which the sentences are said.
     pub(crate) fn names() -> Names {
         Names::of(NAMES)

@@ -10,7 +10,7 @@ use crate::chain::Chain;
 use crate::classifier::Classifier;
 use crate::examples::{Examples, Filled, Slot};
 use crate::table::feature;
-use crate::words::{Kind, Names, words};
+use crate::words::{Kind, Names, Word, words};
 
 /// Times that each sentence is filled with other values.
 const FILLINGS: usize = 3;
@@ -29,6 +29,8 @@ pub struct Model {
     pub(crate) chain: Chain,
     /// Hashes of the words that several sentences have, ascending.
     pub(crate) vocabulary: Vec<u64>,
+    /// Hashes of the stems of words in names and descriptions of things, ascending.
+    pub(crate) things: Vec<u64>,
 }
 
 /// What a sentence may mean.
@@ -65,6 +67,26 @@ fn vocabulary(filled: &[Filled]) -> Vec<u64> {
     known
 }
 
+/// Words that stand in descriptions without describing.
+const FUNCTION_WORDS: &str = "the a an of and or that this those these in on at with from my our your its one ones all both to for by is are \
+ it them two three which what s 's everything else rest but except no not than as into";
+
+fn is_content(word: &&Word) -> bool {
+    word.kind == Kind::Color || (word.kind == Kind::Plain && FUNCTION_WORDS.split(' ').all(|other| other != word.text))
+}
+
+/// Words of things in the examples.
+fn things(examples: &Examples) -> Vec<u64> {
+    let none = Names::default();
+    let of_thing = |said: &str| {
+        words(said, &none).iter().filter(is_content).map(|word| feature(&[word.key()])).collect::<Vec<u64>>()
+    };
+    let mut things: Vec<u64> = examples.things().flat_map(of_thing).collect();
+    things.sort_unstable();
+    things.dedup();
+    things
+}
+
 impl Model {
     /// Learns from examples. The result is the same for the same examples and seed.
     #[must_use]
@@ -73,7 +95,9 @@ impl Model {
         let filled = examples.filled(FILLINGS, &mut random);
         let commands = examples.commands().to_vec();
         let classifier = Classifier::train(&filled, commands.len(), &mut random);
-        Self { classifier, chain: Chain::train(&filled, &commands), vocabulary: vocabulary(&filled), commands }
+        let chain = Chain::train(&filled, &commands);
+        let vocabulary = vocabulary(&filled);
+        Self { classifier, chain, vocabulary, things: things(examples), commands }
     }
 
     /// The commands.
@@ -86,6 +110,13 @@ impl Model {
     #[must_use]
     pub fn knows(&self, word: &str) -> bool {
         self.vocabulary.binary_search(&feature(&[word])).is_ok()
+    }
+
+    /// Whether some words may name or describe a part of a scene: the examples speak of such things. "The stock market" is none.
+    #[must_use]
+    pub fn may_be_thing(&self, said: &str) -> bool {
+        let is_thing = |word: &Word| self.things.binary_search(&feature(&[word.key()])).is_ok();
+        words(said, &Names::default()).iter().filter(|word| is_content(word)).any(is_thing)
     }
 
     /// The likeliest meaning of a sentence in a scene with these names. `None`: there is no word, or the sentence has more than a

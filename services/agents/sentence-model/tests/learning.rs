@@ -5,6 +5,7 @@ use sg_sentence_model::{Examples, Model, ModelError, Slot};
 
 const SENTENCES: &str = "\
 make {thing} {color}\tpaint {thing} {color}
+make {thing} {color}\tpaint it {color}
 make {thing} {color}\tcould you paint {thing} in {color}
 make {thing} {color}\tgive {thing} a coat of {color}
 make {thing} {color}\tI would like {thing} in {color}, please
@@ -69,9 +70,17 @@ fn probabilities_are_of_one_and_foreign_sentences_have_small_ones() {
 
 #[test]
 fn what_no_slot_takes_is_counted() {
-    let reading = |sentence: &str| model().read(sentence, ["dome", "sac"]).unwrap().colors_left;
-    assert_eq!((reading("paint the dome teal"), reading("thanks a lot for the teal")), (0, 1));
-    assert!(model().knows("paint") && !model().knows("piant") && !model().knows("teal"));
+    let model = model();
+    let left = |sentence: &str| model.read(sentence, ["dome", "sac"]).unwrap().numbers_left;
+    assert_eq!((left("rotate 25 degrees"), left("good morning to you 25")), (0, 1));
+    assert!(model.knows("paint") && !model.knows("piant") && !model.knows("teal"));
+}
+
+#[test]
+fn things_are_those_of_the_examples() {
+    let model = model();
+    assert!(model.may_be_thing("the pink stuff") && model.may_be_thing("that long one"));
+    assert!(!model.may_be_thing("the stock market") && !model.may_be_thing("the one of them"));
 }
 
 #[test]

@@ -183,6 +183,11 @@ fn at_least(reader: &Reader<'_>, text: &str, least: f32) -> Option<Meaning> {
                 Reading { slots, .. } if slots.is_empty() => LIKELY_ALONE,
                 _ => LIKELY,
             };
+            // "The stock market fell by two percent" is about no part of a scene.
+            let thing = said(reader, text, &reading, Slot::Thing);
+            if thing.is_some_and(|thing| !names_in(reader, &thing) && !refers_to_scene(reader, &thing)) {
+                return None;
+            }
             let p = reading.probability;
             let safe = (p >= least).then(|| understood(reader, &form)).flatten();
             let sure = || (p >= least.max(SURE)).then(|| certain(reader, &form)).flatten();
@@ -198,6 +203,12 @@ pub(super) fn command(reader: &Reader<'_>, text: &str) -> Option<(String, Senten
         Meaning::Command(form, sentence) if is_safe(&sentence) => Some((form, sentence)),
         _ => None,
     }
+}
+
+/// Whether words may mean a part of the scene: by a word that the examples have for parts, by a pronoun, or as all of them.
+fn refers_to_scene(reader: &Reader<'_>, thing: &str) -> bool {
+    let is_read = || certain(reader, &format!("hide {thing}")).is_some();
+    MODEL.as_ref().is_some_and(|model| model.may_be_thing(thing)) || is_read()
 }
 
 /// Whether a sentence has an exception that its command lost.
@@ -295,7 +306,7 @@ fn unknown_noun(text: &str) -> Option<String> {
         [article, noun] if DETERMINERS.contains(&article.text.as_str()) && is_name(noun) => Some(noun),
         _ => None,
     })?;
-    Some(format!("the {}", found.text))
+    Some(format!("the {}", found.text)).filter(|thing| MODEL.as_ref().is_some_and(|model| model.may_be_thing(thing)))
 }
 
 /// The pronoun of a sentence.
@@ -440,6 +451,18 @@ mod tests {
             wrong.extend((command_of(said).as_deref() != Some(form)).then(|| (said, command_of(said))));
         }
         assert!(wrong.is_empty(), "{wrong:#?}");
+    }
+
+    #[test]
+    fn talk_about_other_things_is_no_command() {
+        for said in [
+            "our budget was cut by a third",
+            "put the kettle on please",
+            "the stock market fell by two percent",
+            "thanks a lot",
+        ] {
+            assert_eq!(command_of(said), None, "{said}");
+        }
     }
 
     #[test]
