@@ -116,7 +116,7 @@ impl Model {
     #[must_use]
     pub fn may_be_thing(&self, said: &str) -> bool {
         let is_thing = |word: &Word| self.things.binary_search(&feature(&[word.key()])).is_ok();
-        words(said, &Names::default()).iter().filter(|word| is_content(word)).any(is_thing)
+        words(said, &Names::default()).iter().filter(is_content).any(is_thing)
     }
 
     /// The likeliest meaning of a sentence in a scene with these names. `None`: there is no word, or the sentence has more than a
