@@ -33,7 +33,7 @@ enum Command {
     ///
     /// A volume is turned into Gaussians first. Edits are kept in a project of the scene (`supergaussian projects`) and found
     /// again at the next start. A file dropped on a window opens the same way.
-    #[command(after_help = "Examples:\n  supergaussian open skull/scene.toml\n  supergaussian open ct/slices")]
+    #[command(after_help = "Example: supergaussian open skull/scene.toml\n         supergaussian open ct/slices")]
     Open(open::OpenArgs),
     /// List, open and delete the projects that keep the edits of scenes
     ///
