@@ -44,7 +44,7 @@ fn a_sentence_between_the_examples_is_read() {
     let model = model();
     let slot = |slot: Slot, said: &str| (slot, said.to_owned());
     assert_eq!(
-        read(&model, "could you give the dome a coat of dark red?"),
+        read(&model, "could you give the dome a coat of dark red"),
         ("make {thing} {color}", vec![slot(Slot::Thing, "the dome"), slot(Slot::Color, "dark red")])
     );
     assert_eq!(
